@@ -1,0 +1,58 @@
+/// \file
+/// Contracts, the exception switch and the inline namespace.
+///
+/// Macros a user may define before the first include:
+///
+/// | macro                    | effect                                                                    |
+/// |--------------------------|---------------------------------------------------------------------------|
+/// | APSO_CONTRACT_HANDLER(m) | called with a C string instead of throwing; must not return               |
+/// | APSO_NAMESPACE_TAG       | name of the inline namespace (default v0), to link two versions together  |
+#pragma once
+
+#include <cstdlib>
+#include <stdexcept>
+#include <string>
+
+#include <apso/version.hpp>
+
+#ifndef APSO_NAMESPACE_TAG
+#define APSO_NAMESPACE_TAG v0
+#endif
+
+// Spelled as macros because C++17 has no `namespace apso::inline v0`.
+#define APSO_NAMESPACE_BEGIN       \
+  namespace apso {                 \
+  inline namespace APSO_NAMESPACE_TAG {
+#define APSO_NAMESPACE_END \
+  }                        \
+  }
+
+APSO_NAMESPACE_BEGIN
+
+/// A call that breaks a documented precondition: sizes that differ, an option out of its range.
+/// Never thrown for data that merely defeats an algorithm; that is reported by a Status.
+class contract_error : public std::logic_error {
+ public:
+  using std::logic_error::logic_error;
+};
+
+/// Cold path of a broken contract. Throws contract_error, or calls APSO_CONTRACT_HANDLER if defined,
+/// or aborts when exceptions are disabled.
+[[noreturn]] inline void contract_violation(const std::string& message) {
+#if defined(APSO_CONTRACT_HANDLER)
+  APSO_CONTRACT_HANDLER(message.c_str());
+  std::abort();
+#elif defined(__cpp_exceptions)
+  throw contract_error("apso: " + message);
+#else
+  (void)message;
+  std::abort();
+#endif
+}
+
+/// Checks a precondition once per call (never per pixel).
+inline void expects(bool condition, const char* message) {
+  if (!condition) contract_violation(message);
+}
+
+APSO_NAMESPACE_END

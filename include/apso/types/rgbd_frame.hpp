@@ -1,0 +1,42 @@
+/// \file
+/// What the library calls a frame: intensity and registered depth of one instant.
+#pragma once
+
+#include <cmath>
+
+#include <apso/config.hpp>
+#include <apso/types/image_view.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Views of one RGB-D frame. Both images have the same size.
+struct RgbdFrame {
+  double timestamp = 0;                ///< [s]
+  ImageView<const float> intensity;    ///< grey value in [0,1]
+  ImageView<const float> depth;        ///< depth along the optical axis [m]; see depth_valid
+};
+
+/// Range of depth values that are used [m].
+struct DepthRange {
+  float min = 0.3F;  ///< [m]
+  float max = 6.0F;  ///< [m]
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("min", s.min, 0.0F, 1000.0F);
+    v("max", s.max, 0.0F, 1000.0F);
+  }
+};
+
+/// The one function that decides whether a depth value may be used: finite (0 and NaN are not in the range).
+[[nodiscard]] inline bool depth_valid(float z, const DepthRange& range) {
+  return z >= range.min && z <= range.max && z > 0.0F;  // every comparison with NaN is false
+}
+
+/// Standard deviation of a structured-light depth of z metres [m]: max(1 mm, 1.425e-3 z^2),
+/// Khoshelham & Elberink, Sensors 2012.
+[[nodiscard]] inline float depth_sigma(float z) {
+  const float s = 1.425e-3F * z * z;
+  return s > 1e-3F ? s : 1e-3F;
+}
+
+APSO_NAMESPACE_END
