@@ -10,7 +10,7 @@ APSO_NAMESPACE_BEGIN
 enum class Status : int {
   NotRun = -100,        ///< the algorithm was not called
   NoReference = -7,     ///< no reference frame was close enough
-  NoMask = -6,          ///< highly dynamic frame without any mask (method A33)
+  NoMask = -6,          ///< highly dynamic frame without any mask
   SingularSystem = -5,  ///< normal equations without a usable direction
   Diverged = -4,        ///< the cost rose or became non-finite
   NoOverlap = -3,       ///< the frames do not see the same surface

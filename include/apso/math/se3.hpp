@@ -119,7 +119,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
 [[nodiscard]] inline bool is_finite(const Pose& T) { return T.matrix().allFinite(); }
 
 /// Screw-linear interpolation T_0 Exp(s Log(T_0^-1 T_1)); s = 0 gives T_0 and s = 1 gives T_1 exactly.
-/// It is left- and right-invariant, so it does not matter whether T_w_c or T_c_w is blended (method 5.10).
+/// It is left- and right-invariant, so it does not matter whether T_w_c or T_c_w is blended.
 [[nodiscard]] inline Pose sclerp(const Pose& T_0, const Pose& T_1, double s) {
   if (s <= 0) return T_0;
   if (s >= 1) return T_1;

@@ -34,7 +34,7 @@ struct Pinhole {
   [[nodiscard]] Eigen::Vector3d unproject(double u, double v, double z) const {
     return {(u - cx) / fx * z, (v - cy) / fy * z, z};
   }
-  /// d(u,v)/d(X,Y,Z), method section 5.2.
+  /// d(u,v)/d(X,Y,Z).
   [[nodiscard]] Eigen::Matrix<double, 2, 3> project_jacobian(const Eigen::Vector3d& p) const {
     const double iz = 1.0 / p.z();
     Eigen::Matrix<double, 2, 3> j;

@@ -1,6 +1,6 @@
 /// \file
 /// Two kinds of score that cannot be mixed up: Quality (higher is better) and Deviation (higher is worse).
-/// Both lie in [0,1] and are never NaN. complement() is the only bridge between them (method A7).
+/// Both lie in [0,1] and are never NaN. complement() is the only bridge between them.
 #pragma once
 
 #include <optional>
@@ -44,7 +44,7 @@ class Deviation {
 
 constexpr Deviation Quality::complement() const { return Deviation(1.0 - value_); }
 
-/// A component that may be missing (no objects, no depth image ...); missing is not zero (method A2).
+/// A component that may be missing (no objects, no depth image ...); missing is not zero.
 using MaybeQuality = std::optional<Quality>;
 using MaybeDeviation = std::optional<Deviation>;
 

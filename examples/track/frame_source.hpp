@@ -1,0 +1,163 @@
+/// \file
+/// Where apso_track gets its frames from: a recording in TUM format, or the synthetic generator.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <apso/evaluation/trajectory.hpp>
+#include <apso/io/tum_text.hpp>
+#include <apso/opencv/cameras.hpp>
+#include <apso/opencv/rgbd_sequence.hpp>
+#include <apso/testing/synthetic.hpp>
+
+namespace track {
+
+/// One frame ready for the tracker. The images live until the next call of FrameSource::load.
+struct LoadedFrame {
+  double timestamp = 0;         ///< [s]
+  std::string name;             ///< stem of the colour file, for the names of masks and pictures
+  cv::Mat bgr;
+  cv::Mat gray;
+  apso::RgbdFrame rgbd;
+};
+
+class FrameSource {
+ public:
+  virtual ~FrameSource() = default;
+  [[nodiscard]] virtual int size() const = 0;
+  [[nodiscard]] virtual const apso::Pinhole& camera() const = 0;
+  /// Loads frame i. Returns the reason when the frame is broken; it is then to be skipped.
+  [[nodiscard]] virtual std::optional<std::string> load(int i, LoadedFrame& out) = 0;
+  /// Empty without ground truth.
+  [[nodiscard]] virtual const apso::Trajectory& groundtruth() const = 0;
+  [[nodiscard]] virtual const std::vector<std::string>& warnings() const = 0;
+  [[nodiscard]] virtual double timestamp(int i) const = 0;
+};
+
+class SyntheticSource final : public FrameSource {
+ public:
+  SyntheticSource(const std::string& name, const apso::testing::SyntheticOptions& options) : sequence_(name, options) {
+    for (int i = 0; i < sequence_.size(); ++i) truth_.push_back({sequence_.timestamp(i), sequence_.pose(i)});
+  }
+  int size() const override { return sequence_.size(); }
+  const apso::Pinhole& camera() const override { return sequence_.camera(); }
+  std::optional<std::string> load(int i, LoadedFrame& out) override {
+    sequence_.render(i, frame_);
+    out.timestamp = frame_.timestamp;
+    char name[32];
+    std::snprintf(name, sizeof name, "%.6f", frame_.timestamp);
+    out.name = name;
+    const cv::Mat rgb(frame_.depth.height(), frame_.depth.width(), CV_8UC3, frame_.rgb.data());
+    cv::cvtColor(rgb, out.bgr, cv::COLOR_RGB2BGR);
+    cv::cvtColor(rgb, out.gray, cv::COLOR_RGB2GRAY);
+    out.rgbd = {frame_.timestamp, frame_.intensity, frame_.depth};
+    return std::nullopt;
+  }
+  const apso::Trajectory& groundtruth() const override { return truth_; }
+  const std::vector<std::string>& warnings() const override { return warnings_; }
+  double timestamp(int i) const override { return sequence_.timestamp(i); }
+  const apso::testing::SyntheticFrame& truth() const { return frame_; }
+
+ private:
+  apso::testing::SyntheticSequence sequence_;
+  apso::testing::SyntheticFrame frame_;
+  apso::Trajectory truth_;
+  std::vector<std::string> warnings_;
+};
+
+class RecordedSource final : public FrameSource {
+ public:
+  RecordedSource(const std::string& folder, const apso::opencv::CameraModel& camera) : sequence_(folder, camera) {
+    warnings_ = sequence_.warnings();
+    const std::filesystem::path truth = std::filesystem::path(folder) / "groundtruth.txt";
+    if (std::filesystem::exists(truth)) truth_ = apso::read_trajectory(truth.string(), &warnings_);
+  }
+  int size() const override { return static_cast<int>(sequence_.size()); }
+  const apso::Pinhole& camera() const override { return sequence_.camera().pinhole; }
+  std::optional<std::string> load(int i, LoadedFrame& out) override {
+    if (std::optional<std::string> problem = sequence_.load(static_cast<std::size_t>(i), frame_)) return problem;
+    out.timestamp = frame_.timestamp;
+    out.name = sequence_.name(static_cast<std::size_t>(i));
+    out.bgr = frame_.colour;
+    out.gray = frame_.gray;
+    out.rgbd = {frame_.timestamp, frame_.intensity, frame_.depth};
+    return std::nullopt;
+  }
+  const apso::Trajectory& groundtruth() const override { return truth_; }
+  const std::vector<std::string>& warnings() const override { return warnings_; }
+  double timestamp(int i) const override { return sequence_.timestamp(static_cast<std::size_t>(i)); }
+
+ private:
+  apso::opencv::RgbdSequence sequence_;
+  apso::opencv::RgbdImages frame_;
+  apso::Trajectory truth_;
+  std::vector<std::string> warnings_;
+};
+
+/// Masks of another program: one image per frame, named by the stamp of the colour image; nonzero = dynamic.
+class MaskFolder {
+ public:
+  explicit MaskFolder(std::string folder) : folder_(std::move(folder)) {
+    if (!std::filesystem::is_directory(folder_)) {
+      throw apso::io_error(folder_ + ": no such folder; expected one PNG per frame, named by the colour stamp");
+    }
+  }
+  /// Loads the mask of a frame; returns the reason when there is none that fits.
+  std::optional<std::string> load(const std::string& name, const cv::Size& size, cv::Mat& mask) const {
+    const std::string file = (std::filesystem::path(folder_) / (name + ".png")).string();
+    mask = std::filesystem::exists(file) ? cv::imread(file, cv::IMREAD_GRAYSCALE) : cv::Mat();
+    if (mask.empty()) return file + ": no readable mask; the frame is tracked without it";
+    if (mask.size() != size) {
+      mask.release();
+      return file + ": mask of another size than the images; the frame is tracked without it";
+    }
+    return std::nullopt;
+  }
+
+ private:
+  std::string folder_;
+};
+
+/// Detections of another program: lines `timestamp left top width height score class_id`.
+class DetectionFile {
+ public:
+  explicit DetectionFile(const std::string& file) {
+    std::ifstream stream(file);
+    if (!stream) throw apso::io_error(file + ": cannot open the detection file");
+    std::string line;
+    for (int number = 1; std::getline(stream, line); ++number) {
+      if (line.empty() || line[0] == '#') continue;
+      std::istringstream text(line);
+      double stamp = 0;
+      apso::Detection d;
+      if (!(text >> stamp >> d.box.x >> d.box.y >> d.box.width >> d.box.height >> d.score >> d.class_id) ||
+          !(d.box.width >= 0) || !(d.box.height >= 0) || !(d.score >= 0 && d.score <= 1)) {
+        throw apso::io_error(file + ":" + std::to_string(number) +
+                             ": expected 'timestamp left top width height score class_id' with sizes >= 0 and score "
+                             "in [0,1], got '" + line + "'");
+      }
+      detections_[stamp].push_back(d);
+    }
+  }
+  /// Detections within 10 ms of the stamp; empty if there are none.
+  const std::vector<apso::Detection>& at(double stamp) const {
+    auto it = detections_.lower_bound(stamp - 0.01);
+    return it != detections_.end() && it->first <= stamp + 0.01 ? it->second : none_;
+  }
+
+ private:
+  std::map<double, std::vector<apso::Detection>> detections_;
+  std::vector<apso::Detection> none_;
+};
+
+}  // namespace track

@@ -1,0 +1,136 @@
+/// \file
+/// What apso_track writes: frames.csv while it runs, the trajectories and summary.json at the end.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include <apso/evaluation/ate.hpp>
+#include <apso/evaluation/rpe.hpp>
+#include <apso/evaluation/trajectory.hpp>
+#include <apso/io/tum_text.hpp>
+#include <apso/pipeline/pipeline.hpp>
+
+namespace track {
+
+/// Wall-clock time of each stage of one frame [ms].
+struct Timing {
+  double load = 0;
+  double features = 0;  ///< keypoints, tracks, both pose estimates
+  double observe = 0;
+  double assess = 0;
+  double refine = 0;  ///< refinement of BAD frames, memory of all
+  double map = 0;     ///< keyframes and landmarks
+  [[nodiscard]] double total() const { return features + observe + assess + refine + map; }  ///< without loading
+};
+
+/// One row per frame; an absent score is an empty field.
+class FrameTable {
+ public:
+  explicit FrameTable(const std::string& file) : stream_(file) {
+    if (!stream_) throw apso::io_error(file + ": cannot write");
+    stream_ << "frame,timestamp,state,S_conf,S_spatial,S_feature,S_depth,S_total,S_mc,S_dc,S_dec,S_change,dynamic_ratio,"
+               "W_base,W_change,S_final,th_differ,th_f,th_s,degraded,benchmark_updated,benchmark_age_s,keypoints_static,"
+               "objects,feature_ok,feature_matches,feature_inliers,keyframes,landmarks,refined,refine_status,w_diff,w_eff,"
+               "c_dir,references,far_reference,gated,valid_share,scale_intensity,scale_depth,degenerate_directions,"
+               "iterations,ms_load,ms_features,ms_observe,ms_assess,ms_refine,ms_map,ms_total,explanation\n";
+  }
+
+  template <class FeatureResult>
+  void write(int frame, const apso::FrameReport& r, const apso::Observation& seen, const FeatureResult& features,
+             int keyframes, int landmarks, const Timing& ms) {
+    const apso::Assessment& a = r.assessment;
+    first_ = true;
+    put(frame);
+    char stamp[32];
+    std::snprintf(stamp, sizeof stamp, "%.6f", r.timestamp);
+    text(stamp);
+    text(to_string(r.state));
+    score(a.S_conf);
+    score(a.S_spatial);
+    score(a.S_feature);
+    score(a.S_depth);
+    put(a.S_total.value());
+    score(a.S_mc);
+    score(a.S_dc);
+    score(a.S_dec);
+    score(a.S_change);
+    put(a.dynamic_ratio);
+    put(a.W_base);
+    put(a.W_change);
+    score(a.S_final);
+    put(a.th_differ);
+    put(a.th_f);
+    put(a.th_s);
+    put(a.degraded ? 1 : 0);
+    put(a.benchmark_updated ? 1 : 0);
+    put(a.benchmark_age);
+    put(a.static_keypoints);
+    put(static_cast<double>(seen.objects.size()));
+    put(features.ok ? 1 : 0);
+    put(features.matches);
+    put(features.inliers);
+    put(keyframes);
+    put(landmarks);
+    put(r.refined ? 1 : 0);
+    const bool tried = r.refinement.status != apso::Status::NotRun;
+    const apso::Refinement& d = r.refinement;
+    text(tried ? to_string(d.status) : "");
+    optional(tried, d.w_diff);
+    optional(tried, d.w_eff);
+    optional(tried, d.c_dir);
+    optional(tried, d.references);
+    optional(tried, d.far_reference ? 1 : 0);
+    optional(tried, d.gated ? 1 : 0);
+    optional(tried, d.alignment.valid_share);
+    optional(tried, d.alignment.scale_intensity);
+    optional(tried, d.alignment.scale_depth);
+    optional(tried, d.alignment.degenerate_directions);
+    optional(tried, d.alignment.iterations);
+    for (double v : {ms.load, ms.features, ms.observe, ms.assess, ms.refine, ms.map, ms.total()}) put(v);
+    text("\"" + explain(a) + "\"");
+    stream_ << '\n';
+    stream_.flush();  // what is computed is kept, whatever happens next
+  }
+
+ private:
+  void text(const std::string& s) {
+    if (!first_) stream_ << ',';
+    first_ = false;
+    stream_ << s;
+  }
+  void put(double v) {
+    char number[32];
+    std::snprintf(number, sizeof number, "%.6g", v);
+    text(std::isfinite(v) ? number : "");
+  }
+  void optional(bool present, double v) { present ? put(v) : text(""); }
+  template <class Maybe>
+  void score(const Maybe& s) {
+    optional(s.has_value(), s ? s->value() : 0.0);
+  }
+
+  std::ofstream stream_;
+  bool first_ = true;
+};
+
+inline nlohmann::json to_json(const apso::Statistics& s) {
+  return {{"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"std", s.std}, {"min", s.min}, {"max", s.max}};
+}
+
+/// Median, 95th percentile and largest of some values.
+inline nlohmann::json distribution(std::vector<double> v) {
+  if (v.empty()) return nullptr;
+  std::sort(v.begin(), v.end());
+  const auto at = [&](double q) { return v[static_cast<std::size_t>(q * static_cast<double>(v.size() - 1))]; };
+  return {{"median", at(0.5)}, {"p95", at(0.95)}, {"max", v.back()}};
+}
+
+}  // namespace track

@@ -1,0 +1,115 @@
+/// \file
+/// Which frames get a picture, the contact sheet, and the one-page overview.
+#pragma once
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <nlohmann/json.hpp>
+#include <yaml-cpp/yaml.h>
+
+#include <apso/evaluation/ate.hpp>
+#include <apso/pipeline/report.hpp>
+
+namespace track {
+
+/// Takes every n-th frame and the first frame of each BAD or LOST run, up to a bound.
+class OverlayChooser {
+ public:
+  explicit OverlayChooser(std::filesystem::path folder) : folder_(std::move(folder)) {}
+
+  template <class Draw>
+  void offer(int frame, int total, const apso::FrameReport& report, Draw&& draw) {
+    const int step = std::max(1, total / regular);
+    const bool problem = report.state == apso::SceneState::Bad || report.state == apso::SceneState::Lost;
+    const bool begins = problem && !was_problem_ && problems_ < most_problems;
+    was_problem_ = problem;
+    if (frame % step != step / 2 && !begins) return;
+    problems_ += begins ? 1 : 0;
+    const cv::Mat picture = draw();
+    char name[32];
+    std::snprintf(name, sizeof name, "%06d.png", frame);
+    cv::imwrite((folder_ / name).string(), picture);
+    cv::Mat small;
+    cv::resize(picture, small, {}, 0.5, 0.5, cv::INTER_AREA);
+    tiles_.push_back(small);
+  }
+
+  /// Writes the contact sheet beside the folder of overlays.
+  void finish() const {
+    if (tiles_.empty()) return;
+    constexpr std::size_t columns = 4;
+    std::vector<cv::Mat> rows;
+    for (std::size_t i = 0; i < tiles_.size(); i += columns) {
+      std::vector<cv::Mat> row(tiles_.begin() + static_cast<std::ptrdiff_t>(i),
+                               tiles_.begin() + static_cast<std::ptrdiff_t>(std::min(i + columns, tiles_.size())));
+      while (row.size() < columns) row.emplace_back(tiles_.front().size(), tiles_.front().type(), cv::Scalar(255, 255, 255));
+      cv::Mat joined;
+      cv::hconcat(row, joined);
+      rows.push_back(joined);
+    }
+    cv::Mat sheet;
+    cv::vconcat(rows, sheet);
+    cv::imwrite((folder_.parent_path() / "contact_sheet.png").string(), sheet);
+  }
+
+ private:
+  static constexpr int regular = 12;
+  static constexpr int most_problems = 12;
+  std::filesystem::path folder_;
+  std::vector<cv::Mat> tiles_;
+  int problems_ = 0;
+  bool was_problem_ = false;
+};
+
+/// Scores on the left, trajectory and the first rows of the contact sheet: one picture that tells the run.
+inline void write_overview(const std::filesystem::path& out) {
+  const cv::Mat scores = cv::imread((out / "scores.png").string());
+  const cv::Mat trajectory = cv::imread((out / "trajectory.png").string());
+  cv::Mat sheet = cv::imread((out / "contact_sheet.png").string());
+  if (scores.empty() || trajectory.empty() || sheet.empty()) return;
+  cv::Mat left;
+  cv::resize(trajectory, left, {trajectory.cols * scores.rows / trajectory.rows, scores.rows}, 0, 0, cv::INTER_AREA);
+  cv::Mat top;
+  cv::hconcat(left, scores, top);
+  cv::resize(sheet, sheet, {top.cols, sheet.rows * top.cols / sheet.cols}, 0, 0, cv::INTER_AREA);
+  cv::Mat page;
+  cv::vconcat(top, sheet, page);
+  cv::imwrite((out / "overview.png").string(), page);
+}
+
+/// Ground truth moved into the frame of the estimate, for plotting; empty if too few poses match.
+inline apso::Trajectory aligned_truth(const apso::Trajectory& truth, const apso::Trajectory& estimate) {
+  const auto pairs = apso::associate_evo(truth, estimate);
+  if (pairs.size() < 3) return {};
+  const apso::Pose T_estimate_truth = apso::inverse(apso::ate(truth, estimate, pairs).T_groundtruth_estimate);
+  apso::Trajectory moved;
+  for (const auto& p : truth) {
+    if (p.timestamp < estimate.front().timestamp || p.timestamp > estimate.back().timestamp) continue;
+    moved.push_back({p.timestamp, T_estimate_truth * p.T_world_body});
+  }
+  return moved;
+}
+
+inline nlohmann::json yaml_to_json(const YAML::Node& node) {
+  if (node.IsMap()) {
+    nlohmann::json map = nlohmann::json::object();
+    for (const auto& entry : node) map[entry.first.Scalar()] = yaml_to_json(entry.second);
+    return map;
+  }
+  if (node.IsSequence()) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const auto& item : node) list.push_back(yaml_to_json(item));
+    return list;
+  }
+  return nlohmann::json::accept(node.Scalar()) ? nlohmann::json::parse(node.Scalar()) : nlohmann::json(node.Scalar());
+}
+inline nlohmann::json yaml_to_json(const std::string& text) { return yaml_to_json(YAML::Load(text)); }
+
+}  // namespace track

@@ -1,0 +1,164 @@
+/// \file
+/// Options from and to YAML. Needs yaml-cpp. Works for every struct that lists its fields (options.hpp):
+/// \code
+///   assessor:
+///     th_differ: 0.55
+/// \endcode
+#pragma once
+
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include <yaml-cpp/yaml.h>
+
+#include <apso/config.hpp>
+#include <apso/options.hpp>
+#include <apso/io/tum_text.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+namespace detail {
+
+/// Reads the fields of one options struct from a YAML map, and knows which names exist.
+class YamlReader {
+ public:
+  YamlReader(YAML::Node node, std::string file, std::string prefix)
+      : node_(std::move(node)), file_(std::move(file)), prefix_(std::move(prefix)) {
+    if (node_ && !node_.IsMap() && !node_.IsNull()) fail(node_, "'" + prefix_ + "' must be a map of name: value");
+  }
+
+  template <class T, class L, class H>
+  void operator()(const char* name, T& value, L lowest, H highest) {
+    const YAML::Node item = find(name);
+    if (!item) return;
+    read(name, item, value);
+    if (!(value >= static_cast<T>(lowest) && value <= static_cast<T>(highest))) {
+      std::ostringstream text;
+      text << "'" << path(name) << "' = " << item.Scalar() << " is out of range [" << lowest << ", " << highest << "]";
+      fail(item, text.str());
+    }
+  }
+  template <class T>
+  void operator()(const char* name, T& value) {
+    const YAML::Node item = find(name);
+    if (!item) return;
+    if constexpr (is_options_v<T>) {
+      YamlReader inner(item, file_, path(name));
+      T::fields(value, inner);
+      inner.finish();
+    } else if constexpr (std::is_enum_v<T>) {
+      constexpr auto names = enum_names(T{});
+      std::string known;
+      for (std::size_t i = 0; i < names.size(); ++i) {
+        if (item.IsScalar() && item.Scalar() == names[i]) {
+          value = static_cast<T>(i);
+          return;
+        }
+        known += (i ? ", " : "") + std::string(names[i]);
+      }
+      fail(item, "'" + path(name) + "' must be one of: " + known);
+    } else {
+      read(name, item, value);
+    }
+  }
+
+  /// Throws if the map has a name that no field has.
+  void finish() const {
+    if (!node_ || !node_.IsMap()) return;
+    for (const auto& entry : node_) {
+      const std::string key = entry.first.Scalar();
+      bool found = false;
+      std::string known;
+      for (const std::string& k : known_) {
+        found = found || k == key;
+        known += (known.empty() ? "" : ", ") + k;
+      }
+      if (!found) fail(entry.first, "unknown option '" + path(key) + "', known here: " + known);
+    }
+  }
+
+ private:
+  [[nodiscard]] std::string path(const std::string& name) const { return prefix_.empty() ? name : prefix_ + '.' + name; }
+  YAML::Node find(const char* name) {
+    known_.emplace_back(name);
+    if (!node_ || !node_.IsMap()) return YAML::Node(YAML::NodeType::Undefined);
+    const YAML::Node& constant = node_;
+    return constant[name];
+  }
+  template <class T>
+  void read(const char* name, const YAML::Node& item, T& value) const {
+    try {
+      value = item.as<T>();
+    } catch (const YAML::Exception&) {
+      const char* kind = std::is_same_v<T, bool> ? "true or false" : std::is_integral_v<T> ? "a whole number" : "a number";
+      fail(item, "'" + path(name) + "' must be " + kind);
+    }
+  }
+  [[noreturn]] void fail(const YAML::Node& at, const std::string& what) const {
+    throw io_error(file_ + ":" + std::to_string(at.Mark().line + 1) + ": " + what);
+  }
+
+  YAML::Node node_;
+  std::string file_;
+  std::string prefix_;
+  std::vector<std::string> known_;
+};
+
+class YamlWriter {
+ public:
+  explicit YamlWriter(YAML::Node node) : node_(std::move(node)) {}
+  template <class T, class L, class H>
+  void operator()(const char* name, const T& value, L, H) {
+    node_[name] = value;
+  }
+  template <class T>
+  void operator()(const char* name, const T& value) {
+    if constexpr (is_options_v<T>) {
+      YAML::Node inner(YAML::NodeType::Map);
+      T::fields(value, YamlWriter(inner));
+      node_[name] = inner;
+    } else if constexpr (std::is_enum_v<T>) {
+      node_[name] = std::string(enum_names(T{})[static_cast<std::size_t>(value)]);
+    } else {
+      node_[name] = value;
+    }
+  }
+
+ private:
+  YAML::Node node_;
+};
+
+}  // namespace detail
+
+/// Sets the fields named in the YAML file; the others keep their values.
+/// Throws io_error naming file, line and field for a missing file, a syntax error, an unknown name, a value of the
+/// wrong kind or out of range.
+template <class Options>
+void read_parameters(const std::string& file, Options& options) {
+  std::ifstream stream(file);
+  if (!stream) throw io_error(file + ": cannot open the parameter file");
+  YAML::Node root;
+  try {
+    root = YAML::Load(stream);
+  } catch (const YAML::Exception& e) {
+    throw io_error(file + ":" + std::to_string(e.mark.line + 1) + ": not valid YAML: " + e.msg);
+  }
+  detail::YamlReader reader(root, file, "");
+  Options::fields(options, reader);
+  reader.finish();
+}
+
+/// All fields as YAML text.
+template <class Options>
+[[nodiscard]] std::string write_parameters(const Options& options) {
+  YAML::Node root(YAML::NodeType::Map);
+  Options::fields(options, detail::YamlWriter(root));
+  YAML::Emitter out;
+  out << root;
+  return out.c_str();
+}
+
+APSO_NAMESPACE_END

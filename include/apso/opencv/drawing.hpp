@@ -1,0 +1,89 @@
+/// \file
+/// Pictures of one frame: mask, boxes, tracks, scores and the verdict, in the manner of the paper's figures.
+#pragma once
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <apso/pipeline/pipeline.hpp>
+
+APSO_NAMESPACE_BEGIN
+namespace opencv {
+
+/// Colour of a state in pictures (BGR).
+[[nodiscard]] inline cv::Scalar state_colour(SceneState state) {
+  switch (state) {
+    case SceneState::Good: return {80, 200, 80};
+    case SceneState::Bad: return {60, 60, 230};
+    case SceneState::Lost: return {200, 60, 200};
+    case SceneState::Initialising: break;
+  }
+  return {220, 180, 60};
+}
+
+/// Draws what was observed and decided over a copy of the colour image (8-bit BGR).
+/// Dynamic pixels are red, objects boxed with identity and motion probability, static keypoints green dots.
+[[nodiscard]] inline cv::Mat draw_overlay(const cv::Mat& bgr, const Observation& observation,
+                                          const std::vector<Keypoint>& keypoints, const FrameReport& report) {
+  cv::Mat out = bgr.clone();
+  const Image<float>& probability = observation.mask.probability;
+  for (int y = 0; y < probability.height() && y < out.rows; ++y) {
+    cv::Vec3b* row = out.ptr<cv::Vec3b>(y);
+    for (int x = 0; x < probability.width() && x < out.cols; ++x) {
+      if (probability(x, y) >= 0.5F) {
+        row[x] = cv::Vec3b(static_cast<uchar>(row[x][0] / 2), static_cast<uchar>(row[x][1] / 2),
+                           static_cast<uchar>(row[x][2] / 2 + 127));
+      }
+    }
+  }
+  for (const Keypoint& k : keypoints) {
+    const int x = static_cast<int>(k.x);
+    const int y = static_cast<int>(k.y);
+    const bool inside = x >= 0 && y >= 0 && x < probability.width() && y < probability.height();
+    const bool dynamic = inside && probability(x, y) >= 0.5F;
+    cv::circle(out, {x, y}, 1, dynamic ? cv::Scalar(0, 160, 255) : cv::Scalar(0, 255, 0), cv::FILLED);
+  }
+  for (const Detection& d : observation.objects) {
+    const cv::Rect box(static_cast<int>(d.box.x), static_cast<int>(d.box.y), static_cast<int>(d.box.width),
+                       static_cast<int>(d.box.height));
+    cv::rectangle(out, box, {255, 255, 255}, 2);
+    char label[64];
+    std::snprintf(label, sizeof label, "#%d  p=%.2f", d.track_id,
+                  d.motion_probability >= 0 ? static_cast<double>(d.motion_probability) : 0.0);
+    cv::putText(out, label, {box.x + 4, box.y + 16}, cv::FONT_HERSHEY_SIMPLEX, 0.45, {255, 255, 255}, 1, cv::LINE_AA);
+  }
+
+  // Bottom banner: verdict and scores.
+  const Assessment& a = report.assessment;
+  const auto text = [](const char* name, const auto& score) {
+    char buffer[32];
+    if (score) {
+      std::snprintf(buffer, sizeof buffer, "%s %.2f  ", name, score->value());
+    } else {
+      std::snprintf(buffer, sizeof buffer, "%s -  ", name);
+    }
+    return std::string(buffer);
+  };
+  cv::Mat banner(58, out.cols, CV_8UC3, cv::Scalar(30, 30, 30));
+  cv::rectangle(banner, {0, 0, 8, banner.rows}, state_colour(report.state), cv::FILLED);
+  char verdict[160];
+  std::snprintf(verdict, sizeof verdict, "%s%s", to_string(report.state), report.refined ? " (refined)" : "");
+  cv::putText(banner, verdict, {16, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.5, state_colour(report.state), 1, cv::LINE_AA);
+  const auto line = [&](const std::string& s, int x, int y) {
+    cv::putText(banner, s, {x, y}, cv::FONT_HERSHEY_SIMPLEX, 0.42, {230, 230, 230}, 1, cv::LINE_AA);
+  };
+  char ratio[48];
+  std::snprintf(ratio, sizeof ratio, "dynamic %.0f %%", 100.0 * observation.dynamic_ratio);
+  line(text("S_final", a.S_final) + text("S_total", MaybeQuality(a.S_total)) + text("S_change", a.S_change) + ratio, 190, 18);
+  line(text("conf", a.S_conf) + text("spatial", a.S_spatial) + text("feature", a.S_feature) + text("depth", a.S_depth), 16, 36);
+  line(text("S_mc", a.S_mc) + text("S_dc", a.S_dc) + text("S_dec", a.S_dec), 16, 53);
+  cv::vconcat(out, banner, out);
+  return out;
+}
+
+}  // namespace opencv
+APSO_NAMESPACE_END
