@@ -1,0 +1,142 @@
+/// \file
+/// How a pose type of yours is taken in and given back: specialise pose_traits.
+///
+/// A pose T_a_b maps points of frame b into frame a, x_a = R x_b + t. Only R and t cross the border; exponentials and
+/// logarithms of other libraries are never asked for, since the order of a twist differs between them.
+///
+/// \code
+/// template <>
+/// struct apso::pose_traits<MyPose> {
+///   using scalar = double;
+///   static Eigen::Matrix3d rotation(const MyPose& T) { return T.q.toRotationMatrix(); }  // orthonormal, det +1
+///   static Eigen::Vector3d translation(const MyPose& T) { return T.p; }                  // [m]
+///   static MyPose make(const Eigen::Matrix3d& R, const Eigen::Vector3d& t) { return {Eigen::Quaterniond(R), t}; }
+/// };
+/// \endcode
+#pragma once
+
+#include <type_traits>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/traits/detail.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Specialise for your pose type. The second parameter is free for std::enable_if.
+template <class T, class Enable = void>
+struct pose_traits {};
+
+/// Every isometry or affine transform of Eigen, whatever its scalar, mode and alignment; apso::Pose is one of them.
+template <class Scalar, int Mode, int Options>
+struct pose_traits<Eigen::Transform<Scalar, 3, Mode, Options>> {
+  using scalar = Scalar;
+  using pose = Eigen::Transform<Scalar, 3, Mode, Options>;
+  using matrix = Eigen::Matrix<Scalar, 3, 3>;
+  using vector = Eigen::Matrix<Scalar, 3, 1>;
+  static matrix rotation(const pose& T) { return T.linear(); }
+  static vector translation(const pose& T) { return T.translation(); }
+  static pose make(const matrix& R, const vector& t) {
+    pose T = pose::Identity();
+    T.linear() = R;
+    T.translation() = t;
+    return T;
+  }
+};
+
+/// A homogeneous 4x4 matrix of Eigen.
+template <class Scalar, int Options>
+struct pose_traits<Eigen::Matrix<Scalar, 4, 4, Options, 4, 4>> {
+  using scalar = Scalar;
+  using pose = Eigen::Matrix<Scalar, 4, 4, Options, 4, 4>;
+  using matrix = Eigen::Matrix<Scalar, 3, 3>;
+  using vector = Eigen::Matrix<Scalar, 3, 1>;
+  static matrix rotation(const pose& T) { return T.template topLeftCorner<3, 3>(); }
+  static vector translation(const pose& T) { return T.template topRightCorner<3, 1>(); }
+  static pose make(const matrix& R, const vector& t) {
+    pose T = pose::Identity();
+    T.template topLeftCorner<3, 3>() = R;
+    T.template topRightCorner<3, 1>() = t;
+    return T;
+  }
+};
+
+namespace detail {
+template <class T>
+using pose_scalar_t = typename pose_traits<T>::scalar;
+template <class T, class = void>
+struct pose_members {
+  static constexpr bool scalar = false;
+  static constexpr bool rotation = false;
+  static constexpr bool translation = false;
+  static constexpr bool make = false;
+};
+template <class T>
+using pose_rotation_t = decltype(pose_traits<T>::rotation(std::declval<const T&>()));
+template <class T>
+using pose_translation_t = decltype(pose_traits<T>::translation(std::declval<const T&>()));
+template <class T, class S>
+using pose_make_t = decltype(pose_traits<T>::make(std::declval<const Eigen::Matrix<S, 3, 3>&>(),
+                                                  std::declval<const Eigen::Matrix<S, 3, 1>&>()));
+template <class T>
+struct pose_members<T, std::void_t<pose_scalar_t<T>>> {
+  using S = pose_scalar_t<T>;
+  static constexpr bool scalar = std::is_floating_point_v<S>;
+  static constexpr bool rotation = detected_as_v<Eigen::Matrix<S, 3, 3>, pose_rotation_t, T>;
+  static constexpr bool translation = detected_as_v<Eigen::Matrix<S, 3, 1>, pose_translation_t, T>;
+  static constexpr bool make = detected_as_v<T, pose_make_t, T, S>;
+};
+}  // namespace detail
+
+/// True when T can be used as a pose.
+template <class T>
+inline constexpr bool is_pose_v = detail::pose_members<T>::scalar && detail::pose_members<T>::rotation &&
+                                  detail::pose_members<T>::translation && detail::pose_members<T>::make;
+
+/// Names every member of pose_traits<T> that is missing, in the compiler's message.
+template <class T>
+struct require_pose {
+  static constexpr bool scalar = detail::pose_members<T>::scalar;
+  static_assert(scalar, "apso: pose_traits<T> needs `using scalar = double;` (or float)");
+  static_assert(!scalar || detail::pose_members<T>::rotation,
+                "apso: pose_traits<T> needs `static Eigen::Matrix<scalar,3,3> rotation(const T& pose);`");
+  static_assert(!scalar || detail::pose_members<T>::translation,
+                "apso: pose_traits<T> needs `static Eigen::Matrix<scalar,3,1> translation(const T& pose);`");
+  static_assert(!scalar || detail::pose_members<T>::make,
+                "apso: pose_traits<T> needs `static T make(const Eigen::Matrix<scalar,3,3>& R, "
+                "const Eigen::Matrix<scalar,3,1>& t);`");
+};
+
+/// Stands first in every function that takes a pose type of the user; see check_image.
+template <class T>
+constexpr require_pose<T> check_pose() {
+  return {};
+}
+
+/// Your pose as apso's. The rotation is not normalised: call normalized() if yours drifts.
+template <class PoseT>
+[[nodiscard]] Pose to_pose(const PoseT& T_a_b) {
+  check_pose<PoseT>();
+  using S = typename pose_traits<PoseT>::scalar;
+  const Eigen::Matrix<S, 3, 3> R = pose_traits<PoseT>::rotation(T_a_b);
+  const Eigen::Matrix<S, 3, 1> t = pose_traits<PoseT>::translation(T_a_b);
+  Pose T = Pose::Identity();
+  T.linear() = R.template cast<double>();
+  T.translation() = t.template cast<double>();
+  return T;
+}
+
+/// apso's pose as yours.
+template <class PoseT>
+[[nodiscard]] PoseT from_pose(const Pose& T_a_b) {
+  check_pose<PoseT>();
+  using S = typename pose_traits<PoseT>::scalar;
+  const Eigen::Matrix<S, 3, 3> R = T_a_b.linear().template cast<S>();
+  const Eigen::Matrix<S, 3, 1> t = T_a_b.translation().template cast<S>();
+  return pose_traits<PoseT>::make(R, t);
+}
+
+APSO_NAMESPACE_END
