@@ -1,0 +1,127 @@
+/// \file
+/// Which poses of two trajectories belong to the same instant. Two rules are in use in the literature, and they
+/// give different pairs, hence different errors; both are here.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include <apso/config.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Indices of two timestamps that belong together.
+struct StampMatch {
+  std::size_t first = 0;   ///< index into the first list
+  std::size_t second = 0;  ///< index into the second list
+};
+
+/// Rule of association.
+enum class AssociationRule {
+  Tum,  ///< greedy one-to-one, < 0.02 s (the scripts of the TUM RGB-D benchmark)
+  Evo   ///< nearest neighbour of the shorter in the longer list, <= 0.01 s (evo 1.x)
+};
+[[nodiscard]] constexpr std::array<const char*, 2> enum_names(AssociationRule) { return {"tum", "evo"}; }
+
+/// Largest difference of time that the authors of a rule take by default [s].
+[[nodiscard]] constexpr double default_max_difference(AssociationRule rule) {
+  return rule == AssociationRule::Tum ? 0.02 : 0.01;
+}
+
+namespace detail {
+/// Index of the value nearest to t in a non-empty sorted list; the smaller index on a tie.
+[[nodiscard]] inline std::size_t nearest_stamp(const std::vector<double>& sorted, double t) {
+  const auto after = std::lower_bound(sorted.begin(), sorted.end(), t);
+  if (after == sorted.begin()) return 0;
+  const auto before = after - 1;
+  const bool take_before = after == sorted.end() || std::abs(*before - t) <= std::abs(*after - t);
+  return static_cast<std::size_t>((take_before ? before : after) - sorted.begin());
+}
+inline void expects_stamps(const std::vector<double>& stamps, const char* message) {
+  for (std::size_t i = 0; i < stamps.size(); ++i) {
+    expects(std::isfinite(stamps[i]) && (i == 0 || stamps[i - 1] < stamps[i]), message);
+  }
+}
+}  // namespace detail
+
+/// Association of the TUM scripts (associate.py, evaluate_ate.py): of all pairs closer than max_difference, sorted by
+/// (difference, first, second), each is taken whose two members are still free.
+/// \param first,second strictly increasing timestamps [s]
+/// \param max_difference pairs must be closer than this [s]
+/// \param offset_second added to the stamps of the second list [s]
+/// \return matches in the order of the first list
+[[nodiscard]] inline std::vector<StampMatch> associate_tum(const std::vector<double>& first,
+                                                           const std::vector<double>& second,
+                                                           double max_difference = 0.02, double offset_second = 0) {
+  detail::expects_stamps(first, "associate_tum: first timestamps must be finite and strictly increasing");
+  detail::expects_stamps(second, "associate_tum: second timestamps must be finite and strictly increasing");
+  expects(max_difference >= 0 && std::isfinite(offset_second), "associate_tum: max_difference must be >= 0");
+  struct Candidate {
+    double difference;
+    std::size_t a, b;
+  };
+  std::vector<Candidate> candidates;
+  std::size_t begin = 0;  // first b that can still be close enough to a
+  for (std::size_t a = 0; a < first.size(); ++a) {
+    while (begin < second.size() && !(first[a] - (second[begin] + offset_second) < max_difference)) ++begin;
+    for (std::size_t b = begin; b < second.size(); ++b) {
+      const double difference = std::abs(first[a] - (second[b] + offset_second));
+      if (!(difference < max_difference)) break;
+      candidates.push_back({difference, a, b});
+    }
+  }
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& x, const Candidate& y) {
+    if (x.difference != y.difference) return x.difference < y.difference;
+    return x.a != y.a ? x.a < y.a : x.b < y.b;
+  });
+  std::vector<char> used_a(first.size(), 0);
+  std::vector<char> used_b(second.size(), 0);
+  std::vector<StampMatch> matches;
+  for (const Candidate& c : candidates) {
+    if (used_a[c.a] != 0 || used_b[c.b] != 0) continue;
+    used_a[c.a] = used_b[c.b] = 1;
+    matches.push_back({c.a, c.b});
+  }
+  std::sort(matches.begin(), matches.end(), [](const StampMatch& x, const StampMatch& y) { return x.first < y.first; });
+  return matches;
+}
+
+/// Association of evo 1.x (`evo_ape tum`): for every stamp of the shorter list (the second one when both are equally
+/// long) the nearest stamp of the longer list, if it is not farther than max_difference. Not one-to-one: a stamp of the longer list may be used twice.
+/// \param first,second strictly increasing timestamps [s]
+/// \param max_difference pairs must not be farther apart than this [s]
+/// \param offset_second added to the stamps of the second list [s]
+/// \return matches in the order of the shorter list
+[[nodiscard]] inline std::vector<StampMatch> associate_evo(const std::vector<double>& first,
+                                                           const std::vector<double>& second,
+                                                           double max_difference = 0.01, double offset_second = 0) {
+  detail::expects_stamps(first, "associate_evo: first timestamps must be finite and strictly increasing");
+  detail::expects_stamps(second, "associate_evo: second timestamps must be finite and strictly increasing");
+  expects(max_difference >= 0 && std::isfinite(offset_second), "associate_evo: max_difference must be >= 0");
+  const bool second_longer = second.size() > first.size();
+  const std::vector<double>& shorter = second_longer ? first : second;
+  std::vector<double> longer = second_longer ? second : first;
+  for (double& t : longer) t += second_longer ? offset_second : -offset_second;
+  std::vector<StampMatch> matches;
+  if (shorter.empty()) return matches;
+  for (std::size_t i = 0; i < shorter.size(); ++i) {
+    const std::size_t j = detail::nearest_stamp(longer, shorter[i]);
+    if (!(std::abs(longer[j] - shorter[i]) <= max_difference)) continue;
+    matches.push_back(second_longer ? StampMatch{i, j} : StampMatch{j, i});
+  }
+  return matches;
+}
+
+/// Association by the rule given, with the largest difference its authors use unless one is given (> 0).
+[[nodiscard]] inline std::vector<StampMatch> associate(const std::vector<double>& first,
+                                                       const std::vector<double>& second, AssociationRule rule,
+                                                       double max_difference = 0, double offset_second = 0) {
+  const double limit = max_difference > 0 ? max_difference : default_max_difference(rule);
+  return rule == AssociationRule::Tum ? associate_tum(first, second, limit, offset_second)
+                                      : associate_evo(first, second, limit, offset_second);
+}
+
+APSO_NAMESPACE_END

@@ -1,0 +1,150 @@
+/// \file
+/// Absolute trajectory error: how far the estimated positions are from the true ones after one rigid motion has laid
+/// the estimate onto the ground truth. J. Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems",
+/// IROS 2012.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/SVD>
+
+#include <apso/config.hpp>
+#include <apso/evaluation/association.hpp>
+#include <apso/evaluation/trajectory.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/options.hpp>
+#include <apso/status.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// The rigid motion that lays one set of points onto another.
+struct HornAlignment {
+  Pose T_target_source = Pose::Identity();
+  /// Directions the points fix: 3 in space, 2 in a plane (still unique), 1 on a line, 0 in one point. Below 2 the
+  /// rotation is one of many that are equally good.
+  int rank = 0;
+};
+
+/// Least-squares rigid motion without scale: minimises sum |R source_i + t - target_i|^2 over proper rotations R
+/// (det R = +1, also for planar and mirrored points). Closed form by the SVD of the 3x3 cross-covariance:
+/// S. Umeyama, PAMI 1991; the problem is that of B. K. P. Horn, JOSA A 1987.
+/// \param target,source points of the same length [m], at least one
+[[nodiscard]] inline HornAlignment align_horn(const std::vector<Eigen::Vector3d>& target,
+                                              const std::vector<Eigen::Vector3d>& source) {
+  expects(!target.empty() && target.size() == source.size(), "align_horn: need equally many points, at least one");
+  const double n = static_cast<double>(target.size());
+  Eigen::Vector3d mean_target = Eigen::Vector3d::Zero();
+  Eigen::Vector3d mean_source = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < target.size(); ++i) {
+    mean_target += target[i];
+    mean_source += source[i];
+  }
+  mean_target /= n;
+  mean_source /= n;
+  expects(mean_target.allFinite() && mean_source.allFinite(), "align_horn: points must be finite");
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  double spread_target = 0;
+  double spread_source = 0;
+  for (std::size_t i = 0; i < target.size(); ++i) {
+    const Eigen::Vector3d q = target[i] - mean_target;
+    const Eigen::Vector3d p = source[i] - mean_source;
+    covariance += q * p.transpose();
+    spread_target += q.squaredNorm();
+    spread_source += p.squaredNorm();
+  }
+  HornAlignment result;
+  const double scale = std::sqrt(spread_target) * std::sqrt(spread_source);
+  expects(std::isfinite(scale), "align_horn: points must be finite and not overflow when squared");
+  // Points that only differ by rounding have no spread: 1e-12 of the coordinates' own size.
+  const double rounding = 1e-12 * std::max(mean_target.norm(), mean_source.norm());
+  const bool spread = scale > 0 && std::sqrt(spread_target / n) > rounding && std::sqrt(spread_source / n) > rounding;
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  if (spread) {
+    const Eigen::Matrix3d normalised = covariance / scale;
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(normalised, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const Eigen::Matrix3d& U = svd.matrixU();
+    const Eigen::Matrix3d& V = svd.matrixV();
+    for (int k = 0; k < 3; ++k) result.rank += U.col(k).dot(normalised * V.col(k)) > 1e-12 ? 1 : 0;
+    const Eigen::Vector3d sign(1, 1, U.determinant() * V.determinant() < 0 ? -1 : 1);
+    R = U * sign.asDiagonal() * V.transpose();
+  }
+  result.T_target_source.linear() = R;
+  result.T_target_source.translation() = mean_target - R * mean_source;
+  return result;
+}
+
+/// How the estimate is laid onto the ground truth. There is no similarity with scale on purpose: RGB-D measures
+/// scale, and a free scale hides its error.
+enum class TrajectoryAlignment {
+  Se3,  ///< rigid motion of least squares, align_horn()
+  None  ///< both already share one world frame
+};
+[[nodiscard]] constexpr std::array<const char*, 2> enum_names(TrajectoryAlignment) { return {"se3", "none"}; }
+
+struct AteOptions {
+  TrajectoryAlignment alignment = TrajectoryAlignment::Se3;
+  AssociationRule association = AssociationRule::Tum;
+  double max_difference = 0;  ///< of the stamps of a pair [s]; 0 = what the association rule uses by default
+  double time_offset = 0;     ///< added to the stamps of the estimate [s]
+
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("alignment", s.alignment);
+    v("association", s.association);
+    v("max_difference", s.max_difference, 0.0, 1e9);
+    v("time_offset", s.time_offset, -1e12, 1e12);
+  }
+};
+
+struct AteResult {
+  /// TooFewMatches: no pair, or fewer than 3 for an alignment, and nothing else below is set but `pairs`.
+  /// Degenerate: the positions lie on a line or in a point, so the rotation of the alignment is not unique (the errors
+  /// are). Converged otherwise.
+  Status status = Status::NotRun;
+  Statistics statistics;                            ///< of the position errors [m]
+  Pose T_groundtruth_estimate = Pose::Identity();   ///< maps the world of the estimate into that of the ground truth
+  std::vector<StampMatch> pairs;                    ///< first: index of the ground truth, second: of the estimate
+  std::vector<double> errors;                       ///< one per pair [m]
+};
+
+/// Absolute trajectory error, e_i = |R p_i + t - q_i| with the estimated position p_i and the true one q_i.
+/// \param groundtruth,estimate strictly increasing stamps, finite poses; their world frames may differ
+[[nodiscard]] inline AteResult ate(const Trajectory& groundtruth, const Trajectory& estimate,
+                                   const AteOptions& options = {}) {
+  validate(options, "ate");
+  validate(groundtruth, "ate: ground truth");
+  validate(estimate, "ate: estimate");
+  AteResult result;
+  result.pairs = associate(timestamps(groundtruth), timestamps(estimate), options.association, options.max_difference,
+                           options.time_offset);
+  const bool align = options.alignment == TrajectoryAlignment::Se3;
+  result.status = Status::TooFewMatches;
+  if (result.pairs.size() < (align ? 3U : 1U)) return result;
+  result.status = Status::Converged;
+  std::vector<Eigen::Vector3d> truth;
+  std::vector<Eigen::Vector3d> positions;
+  truth.reserve(result.pairs.size());
+  positions.reserve(result.pairs.size());
+  for (const StampMatch& m : result.pairs) {
+    truth.emplace_back(groundtruth[m.first].T_world_body.translation());
+    positions.emplace_back(estimate[m.second].T_world_body.translation());
+  }
+  if (align) {
+    const HornAlignment horn = align_horn(truth, positions);
+    result.T_groundtruth_estimate = horn.T_target_source;
+    if (horn.rank < 2) result.status = Status::Degenerate;
+  }
+  result.errors.reserve(truth.size());
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    result.errors.push_back((result.T_groundtruth_estimate * positions[i] - truth[i]).norm());
+  }
+  result.statistics = compute_statistics(result.errors);
+  return result;
+}
+
+APSO_NAMESPACE_END

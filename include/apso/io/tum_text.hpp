@@ -1,0 +1,276 @@
+/// \file
+/// The text files of the TUM RGB-D benchmark: trajectories, lists of images, associations.
+///
+/// Common rules, those of the benchmark's own scripts: lines that begin with '#' and blank lines are skipped, fields are
+/// separated by blanks, tabs or commas. Line ends of Windows and a byte order mark are accepted. Numbers are read and
+/// written with a decimal point whatever the locale.
+#pragma once
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstddef>
+#include <fstream>
+#include <limits>
+#include <locale>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include <apso/config.hpp>
+#include <apso/evaluation/trajectory.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// A file that cannot be read or written, or whose content is not what it should be. The message begins with
+/// "file:line: " (or "file: ") and says what was found and what was expected.
+class io_error : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// A line of rgb.txt or depth.txt.
+struct FileListEntry {
+  double timestamp = 0;  ///< [s]
+  std::string file;      ///< relative to the folder of the list
+};
+
+/// A line of an association file: a colour image and the depth image that belongs to it.
+struct ImageAssociation {
+  double rgb_timestamp = 0;  ///< [s]
+  std::string rgb_file;      ///< relative to the folder of the sequence
+  double depth_timestamp = 0;
+  std::string depth_file;
+};
+
+namespace detail {
+/// Reads a text file line by line, as fields, and knows where it is.
+class FieldReader {
+ public:
+  explicit FieldReader(const std::string& path) : path_(path), file_(path) {
+    if (!file_) throw io_error(path_ + ": cannot open, expected a readable text file");
+    file_.peek();
+    if (file_.bad()) throw io_error(path_ + ": cannot read, expected a text file (is it a folder?)");
+    file_.clear();
+    number_.imbue(std::locale::classic());
+  }
+
+  /// Next line with content. \return false at the end of the file
+  bool next() {
+    while (std::getline(file_, text_)) {
+      ++line_;
+      if (line_ == 1 && text_.compare(0, 3, "\xEF\xBB\xBF") == 0) text_.erase(0, 3);
+      split();
+      if (!fields_.empty() && fields_[0][0] != '#') return true;
+    }
+    if (file_.bad()) throw io_error(path_ + ": reading failed");
+    return false;
+  }
+
+  [[nodiscard]] const std::vector<std::string>& fields() const { return fields_; }
+  [[nodiscard]] std::string where() const { return path_ + ":" + std::to_string(line_) + ": "; }
+
+  void expect_fields(std::size_t count, const char* names) const {
+    if (fields_.size() == count) return;
+    throw io_error(where() + "found " + std::to_string(fields_.size()) + (fields_.size() == 1 ? " field" : " fields") +
+                   ", expected " + std::to_string(count) + ": " + names);
+  }
+
+  /// Field i as a number; "nan" and "inf" (any case, signed) and numbers too large for a double are read as NaN.
+  double number(std::size_t i, const char* name) {
+    const std::string& field = fields_[i];
+    double value = 0;
+    number_.clear();
+    number_.str(field);
+    number_ >> value;
+    const bool parsed = !number_.fail() && number_.peek() == std::istringstream::traits_type::eof();
+    if (parsed && std::isfinite(value)) return value;
+    if (is_infinity_or_nan(field) || is_overflow(field, value)) return std::numeric_limits<double>::quiet_NaN();
+    throw io_error(where() + "field " + std::to_string(i + 1) + " (" + name + ") is '" + shorten(field) +
+                   "', expected a number");
+  }
+
+  /// Field i as a finite number.
+  double finite_number(std::size_t i, const char* name) {
+    const double value = number(i, name);
+    if (std::isfinite(value)) return value;
+    throw io_error(where() + "field " + std::to_string(i + 1) + " (" + name + ") is '" + shorten(fields_[i]) +
+                   "', expected a finite number");
+  }
+
+ private:
+  void split() {
+    fields_.clear();
+    std::string field;
+    for (const char c : text_) {
+      if (c == ' ' || c == '\t' || c == ',' || c == '\r') {
+        if (!field.empty()) fields_.push_back(std::move(field));
+        field.clear();
+      } else {
+        field += c;
+      }
+    }
+    if (!field.empty()) fields_.push_back(std::move(field));
+  }
+  static bool is_infinity_or_nan(const std::string& field) {
+    std::string s;
+    for (const char c : field) s += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    if (!s.empty() && (s[0] == '+' || s[0] == '-')) s.erase(0, 1);
+    return s == "nan" || s == "inf" || s == "infinity";
+  }
+  /// A well-formed number that is too large: the stream fails and leaves the largest double.
+  static bool is_overflow(const std::string& field, double value) {
+    return std::abs(value) == std::numeric_limits<double>::max() &&
+           field.find_first_not_of("+-.0123456789eE") == std::string::npos;
+  }
+  /// What is quoted of a field: printable and short, so that a binary file gives a readable message.
+  static std::string shorten(const std::string& field) {
+    std::string s = field.substr(0, 32);
+    for (char& c : s) c = std::isprint(static_cast<unsigned char>(c)) != 0 ? c : '?';
+    return field.size() > 32 ? s + "..." : s;
+  }
+
+  std::string path_;
+  std::ifstream file_;
+  std::string text_;
+  std::vector<std::string> fields_;
+  std::istringstream number_;
+  std::size_t line_ = 0;
+};
+
+inline void warn(std::vector<std::string>* warnings, const std::string& text) {
+  if (warnings != nullptr) warnings->push_back(text);
+}
+
+/// Sorts by time and keeps the first of equal stamps, with one warning for each of the two.
+template <class T, class Stamp>
+void sort_by_time(std::vector<T>& rows, Stamp&& stamp, const std::string& path, std::vector<std::string>* warnings) {
+  const auto earlier = [&](const T& a, const T& b) { return stamp(a) < stamp(b); };
+  if (!std::is_sorted(rows.begin(), rows.end(), earlier)) {
+    std::stable_sort(rows.begin(), rows.end(), earlier);
+    warn(warnings, path + ": timestamps are not in order, sorted");
+  }
+  const auto last =
+      std::unique(rows.begin(), rows.end(), [&](const T& a, const T& b) { return stamp(a) == stamp(b); });
+  if (last != rows.end()) {
+    warn(warnings, path + ": " + std::to_string(rows.end() - last) + " repeated timestamp(s), the first of each is kept");
+    rows.erase(last, rows.end());
+  }
+}
+}  // namespace detail
+
+/// Reads a trajectory, lines of `timestamp tx ty tz qx qy qz qw` (seconds, metres, unit quaternion).
+/// Lines with NaN or infinite values are skipped, as the benchmark's scripts do; unsorted files are sorted; of
+/// repeated stamps the first is kept; quaternions are normalised. Each of these is reported in `warnings`.
+/// \throws io_error when the file cannot be read, a line is malformed, a quaternion is zero, or no pose is left
+[[nodiscard]] inline Trajectory read_trajectory(const std::string& path, std::vector<std::string>* warnings = nullptr) {
+  static constexpr const char* names[] = {"timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"};
+  detail::FieldReader reader(path);
+  Trajectory trajectory;
+  bool warned_norm = false;
+  while (reader.next()) {
+    reader.expect_fields(8, "timestamp tx ty tz qx qy qz qw");
+    double v[8];
+    const char* bad = nullptr;
+    for (std::size_t i = 0; i < 8; ++i) {
+      v[i] = reader.number(i, names[i]);
+      if (bad == nullptr && !std::isfinite(v[i])) bad = names[i];
+    }
+    if (bad != nullptr) {
+      detail::warn(warnings, reader.where() + bad + " is not finite, line skipped");
+      continue;
+    }
+    const Eigen::Vector4d xyzw(v[4], v[5], v[6], v[7]);
+    const double norm = xyzw.stableNorm();
+    if (!(norm > 1e-9)) throw io_error(reader.where() + "quaternion qx qy qz qw is zero, expected a unit quaternion");
+    if (std::abs(norm - 1.0) > 1e-2 && !warned_norm) {
+      warned_norm = true;
+      detail::warn(warnings, reader.where() + "quaternion is not of unit length, normalised (this and later ones)");
+    }
+    const Eigen::Vector4d unit = xyzw / norm;
+    StampedPose pose;
+    pose.timestamp = v[0];
+    pose.T_world_body.linear() =
+        Eigen::Quaterniond(unit(3), unit(0), unit(1), unit(2)).normalized().toRotationMatrix();
+    pose.T_world_body.translation() = Eigen::Vector3d(v[1], v[2], v[3]);
+    trajectory.push_back(pose);
+  }
+  if (trajectory.empty()) {
+    throw io_error(path + ": no pose found, expected lines 'timestamp tx ty tz qx qy qz qw'");
+  }
+  detail::sort_by_time(trajectory, [](const StampedPose& p) { return p.timestamp; }, path, warnings);
+  return trajectory;
+}
+
+/// Writes a trajectory that read_trajectory and the benchmark's tools read: stamps with 6 decimals (with as many as
+/// are needed to keep neighbours apart, if they are closer), values with 12 significant digits, qw >= 0.
+/// \throws io_error when the file cannot be written
+inline void write_trajectory(const std::string& path, const Trajectory& trajectory) {
+  validate(trajectory, "write_trajectory");
+  int decimals = 6;
+  for (std::size_t i = 1; i < trajectory.size(); ++i) {
+    const double gap = trajectory[i].timestamp - trajectory[i - 1].timestamp;
+    while (decimals < 15 && gap < 2.0 * std::pow(10.0, -decimals)) ++decimals;
+  }
+  std::ofstream file(path);
+  if (!file) throw io_error(path + ": cannot open for writing");
+  file.imbue(std::locale::classic());
+  file << "# timestamp tx ty tz qx qy qz qw\n";
+  for (const StampedPose& p : trajectory) {
+    const Eigen::Matrix3d R = p.T_world_body.linear();
+    Eigen::Quaterniond q = Eigen::Quaterniond(R).normalized();
+    if (q.w() < 0) q.coeffs() = -q.coeffs();
+    const Eigen::Vector3d t = p.T_world_body.translation();
+    file << std::fixed;
+    file.precision(decimals);
+    file << p.timestamp << std::defaultfloat;
+    file.precision(12);
+    file << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z() << ' ' << q.w()
+         << '\n';
+  }
+  file.close();
+  if (!file) throw io_error(path + ": writing failed (disk full?)");
+}
+
+/// Reads a list of images (rgb.txt, depth.txt), lines of `timestamp file`, sorted by time.
+/// \throws io_error when the file cannot be read, a line is malformed, or the list is empty
+[[nodiscard]] inline std::vector<FileListEntry> read_file_list(const std::string& path,
+                                                               std::vector<std::string>* warnings = nullptr) {
+  detail::FieldReader reader(path);
+  std::vector<FileListEntry> list;
+  while (reader.next()) {
+    reader.expect_fields(2, "timestamp file");
+    list.push_back({reader.finite_number(0, "timestamp"), reader.fields()[1]});
+  }
+  if (list.empty()) throw io_error(path + ": no image found, expected lines 'timestamp file'");
+  detail::sort_by_time(list, [](const FileListEntry& e) { return e.timestamp; }, path, warnings);
+  return list;
+}
+
+/// Reads an association file, lines of `timestamp rgb_file timestamp depth_file`, sorted by the time of the colour image.
+/// \throws io_error when the file cannot be read, a line is malformed, or the list is empty
+[[nodiscard]] inline std::vector<ImageAssociation> read_associations(const std::string& path,
+                                                                     std::vector<std::string>* warnings = nullptr) {
+  detail::FieldReader reader(path);
+  std::vector<ImageAssociation> list;
+  while (reader.next()) {
+    reader.expect_fields(4, "timestamp rgb_file timestamp depth_file");
+    ImageAssociation a;
+    a.rgb_timestamp = reader.finite_number(0, "timestamp of the colour image");
+    a.rgb_file = reader.fields()[1];
+    a.depth_timestamp = reader.finite_number(2, "timestamp of the depth image");
+    a.depth_file = reader.fields()[3];
+    list.push_back(std::move(a));
+  }
+  if (list.empty()) {
+    throw io_error(path + ": no image found, expected lines 'timestamp rgb_file timestamp depth_file'");
+  }
+  detail::sort_by_time(list, [](const ImageAssociation& a) { return a.rgb_timestamp; }, path, warnings);
+  return list;
+}
+
+APSO_NAMESPACE_END
