@@ -1,0 +1,221 @@
+/// \file
+/// Synthetic RGB-D recordings of a furnished room with people walking in it, with exact poses and exact masks of what
+/// moves: ground truth for tests, benchmarks and first steps without any download.
+///
+/// \code
+/// const apso::testing::SyntheticSequence sequence("walking_xyz", {});
+/// apso::testing::SyntheticFrame frame;
+/// for (int i = 0; i < sequence.size(); ++i) {
+///   sequence.render(i, frame);
+///   use(frame.intensity, frame.depth, frame.T_world_camera);
+/// }
+/// \endcode
+///
+/// Names are made of who is there (walking: `people`, static: nobody) and how the camera moves, after the recordings
+/// freiburg3_walking_* of the TUM RGB-D benchmark (Sturm et al., IROS 2012): xyz, halfsphere, rpy, static.
+/// World: x right, y down, z into the room [m]. The same name, options and frame number give the same frame, whatever
+/// was rendered before.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/options.hpp>
+#include <apso/testing/synthetic_motion.hpp>
+#include <apso/testing/synthetic_render.hpp>
+#include <apso/testing/synthetic_scene.hpp>
+#include <apso/testing/synthetic_sensor.hpp>
+#include <apso/types/image_view.hpp>
+#include <apso/types/pinhole.hpp>
+#include <apso/types/rgbd_frame.hpp>
+
+APSO_NAMESPACE_BEGIN
+namespace testing {
+
+/// Settings of a synthetic recording.
+struct SyntheticOptions {
+  int frames = 300;             ///< length, at 30 Hz
+  int width = 640;              ///< pixels; the camera of freiburg3 is scaled to this size
+  int height = 480;             ///< pixels
+  int people = 2;               ///< walking people; recordings named static_* have none
+  unsigned seed = 1;            ///< room, people, path and noise all depend on it
+  bool noise = true;            ///< noise of colour and depth, holes in the depth; false: exact
+  bool blur = true;             ///< motion blur
+  bool exposure_drift = true;   ///< the brightness changes slowly by up to about 10 %
+  double exposure_time = 0.012; ///< how long the shutter is open [s]
+  double image_noise = 2.0;     ///< standard deviation of the noise [grey values of 255]
+
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("frames", s.frames, 1, 1000000);
+    v("width", s.width, 32, 4096);
+    v("height", s.height, 24, 4096);
+    v("people", s.people, 0, 3);
+    v("seed", s.seed, 0U, 4294967295U);
+    v("noise", s.noise);
+    v("blur", s.blur);
+    v("exposure_drift", s.exposure_drift);
+    v("exposure_time", s.exposure_time, 0.0, 0.033);
+    v("image_noise", s.image_noise, 0.0, 50.0);
+  }
+};
+
+/// One frame with its truth. The pose is that of the middle of the exposure.
+struct SyntheticFrame {
+  double timestamp = 0;          ///< [s]
+  Image<std::uint8_t> rgb;       ///< R, G, B interleaved: 3 * width columns
+  Image<float> intensity;        ///< grey value of rgb, in [0,1]
+  Image<float> depth;            ///< [m], 0 where there is none
+  Image<std::uint8_t> instance;  ///< 0: does not move, k: person k
+  Pose T_world_camera = Pose::Identity();
+
+  /// Intensity and depth as the library takes them; valid as long as this frame lives.
+  [[nodiscard]] RgbdFrame rgbd() const { return {timestamp, intensity.view(), depth.view()}; }
+};
+
+/// Share of the pixels that belong to people, in [0,1].
+[[nodiscard]] inline double dynamic_share(const SyntheticFrame& frame) {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < frame.instance.size(); ++i) count += frame.instance.data()[i] != 0 ? 1 : 0;
+  return frame.instance.empty() ? 0.0 : static_cast<double>(count) / static_cast<double>(frame.instance.size());
+}
+
+/// The true mask of what may move as a probability: 1 on people, 0 elsewhere.
+inline void true_dynamic_probability(const SyntheticFrame& frame, Image<float>& probability) {
+  probability.resize(frame.instance.width(), frame.instance.height());
+  for (std::size_t i = 0; i < frame.instance.size(); ++i) {
+    probability.data()[i] = frame.instance.data()[i] != 0 ? 1.0F : 0.0F;
+  }
+}
+
+/// The camera of the freiburg3 recordings, scaled to another image size.
+[[nodiscard]] inline Pinhole freiburg3_camera(int width = 640, int height = 480) {
+  const double sx = width / 640.0;
+  const double sy = height / 480.0;
+  return {535.4 * sx, 539.2 * sy, (320.1 + 0.5) * sx - 0.5, (247.6 + 0.5) * sy - 0.5, width, height};
+}
+
+/// A recording whose frames are made on demand.
+class SyntheticSequence {
+ public:
+  /// \param name one of names(); anything else throws contract_error that lists them
+  explicit SyntheticSequence(const std::string& name, const SyntheticOptions& options = {})
+      : options_(checked(name, options)),
+        camera_(freiburg3_camera(options.width, options.height)),
+        people_(name.compare(0, 7, "walking") == 0 ? options.people : 0),
+        path_(motion_of(name), options.seed),
+        scene_(make_room(options.seed, people_)) {
+    for (int i = 0; i < people_; ++i) {
+      walkers_.emplace_back(i, people_, scene_.first_cloth, options.seed, options.frames / kRate);
+    }
+    Random rng(options.seed ^ 0x4578706FULL);
+    exposure_phase_ = rng.uniform(0, 2 * kPi);
+  }
+
+  /// Every name the constructor takes.
+  [[nodiscard]] static std::vector<std::string> names() {
+    return {"walking_xyz", "walking_halfsphere", "walking_rpy", "walking_static",
+            "static_xyz",  "static_halfsphere",  "static_rpy",  "static_static"};
+  }
+
+  [[nodiscard]] int size() const { return options_.frames; }
+  [[nodiscard]] const Pinhole& camera() const { return camera_; }
+  [[nodiscard]] const SyntheticOptions& options() const { return options_; }
+  /// People in the recording: 0 for static_*.
+  [[nodiscard]] int people() const { return people_; }
+  /// Time of frame i [s].
+  [[nodiscard]] double timestamp(int i) const { return i / kRate; }
+  /// True pose of frame i, without rendering it.
+  [[nodiscard]] Pose T_world_camera(int i) const { return path_(timestamp(i)); }
+
+  /// Makes frame i, 0 <= i < size(). The images of `out` are reused.
+  void render(int i, SyntheticFrame& out) const {
+    expects(i >= 0 && i < options_.frames, "SyntheticSequence::render: frame number out of range");
+    const double t = timestamp(i);
+    out.timestamp = t;
+    out.T_world_camera = path_(t);
+
+    std::vector<Limb> limbs;
+    std::array<Limb, Walker::kLimbs> body;
+    for (const Walker& w : walkers_) {
+      w.limbs(t, body);
+      limbs.insert(limbs.end(), body.begin(), body.end());
+    }
+    const Renderer renderer(scene_, camera_, out.T_world_camera, limbs);
+    Canvas3d drawn;
+    renderer.draw(drawn);
+
+    const std::size_t faces = scene_.faces.size();
+    out.instance.resize(camera_.width, camera_.height);
+    for (std::size_t k = 0; k < out.instance.size(); ++k) {
+      const std::uint16_t id = drawn.surface.data()[k];
+      out.instance.data()[k] = id < faces ? std::uint8_t{0} : static_cast<std::uint8_t>(limbs[id - faces].instance);
+    }
+
+    // velocity of the camera in its own frame, by central differences
+    const double h = 1e-3;
+    const Twist velocity = se3_log(inverse(path_(t - h)) * path_(t + h)) / (2 * h);
+    ImageMotion motion;
+    motion.angular = velocity.tail<3>().cast<float>();
+    motion.linear.push_back(velocity.head<3>().cast<float>());
+    for (const Limb& limb : limbs) {
+      const Eigen::Vector3d relative = velocity.head<3>() - out.T_world_camera.linear().transpose() * limb.velocity;
+      motion.linear.push_back(relative.cast<float>());
+    }
+    double gain = 1;
+    if (options_.exposure_drift) {
+      gain += 0.07 * std::sin(2 * kPi * t / 8.7 + exposure_phase_) + 0.03 * std::sin(2 * kPi * t / 3.1 + 2 * exposure_phase_);
+    }
+    const std::uint64_t seed = hash64(options_.seed + 0x5EED00000000ULL * static_cast<std::uint64_t>(i + 1));
+    expose(drawn, faces, camera_, motion, options_.blur ? options_.exposure_time : 0.0, gain,
+           options_.noise ? options_.image_noise : 0.0, seed, normal_, out.rgb, out.intensity);
+    if (options_.noise) {
+      sense_depth(drawn, renderer, camera_, seed, normal_, out.depth);
+    } else {
+      out.depth.resize(camera_.width, camera_.height);
+      for (std::size_t k = 0; k < out.depth.size(); ++k) {
+        const float iz = drawn.inverse_depth.data()[k];
+        out.depth.data()[k] = iz > 0 ? 1 / iz : 0.0F;
+      }
+    }
+  }
+
+ private:
+  static constexpr double kRate = 30;  // frames per second
+
+  static const SyntheticOptions& checked(const std::string& name, const SyntheticOptions& options) {
+    std::string known;
+    bool found = false;
+    for (const std::string& n : names()) {
+      known += (known.empty() ? "" : ", ") + n;
+      found = found || n == name;
+    }
+    if (!found) contract_violation("unknown synthetic sequence '" + name + "', known are: " + known);
+    validate(options, "synthetic");
+    return options;
+  }
+  static CameraMotion motion_of(const std::string& name) {
+    const std::string kind = name.substr(name.find('_') + 1);
+    if (kind == "xyz") return CameraMotion::Xyz;
+    if (kind == "halfsphere") return CameraMotion::Halfsphere;
+    if (kind == "rpy") return CameraMotion::Rpy;
+    return CameraMotion::Static;
+  }
+
+  SyntheticOptions options_;
+  Pinhole camera_;
+  int people_;
+  CameraPath path_;
+  Scene scene_;
+  std::vector<Walker> walkers_;
+  NormalTable normal_;
+  double exposure_phase_ = 0;
+};
+
+}  // namespace testing
+APSO_NAMESPACE_END
