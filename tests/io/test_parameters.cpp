@@ -1,0 +1,108 @@
+#include <doctest/doctest.h>
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include <apso/io/parameters.hpp>
+
+namespace sample {
+enum class Form { Round, Square };
+[[maybe_unused]] constexpr std::array<const char*, 2> enum_names(Form) { return {"round", "square"}; }
+struct Inner {
+  double gain = 0.5;
+  Form form = Form::Round;
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("gain", s.gain, 0.0, 1.0);
+    v("form", s.form);
+  }
+};
+struct Outer {
+  int count = 3;
+  bool fast = false;
+  Inner inner;
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("count", s.count, 1, 10);
+    v("fast", s.fast);
+    v("inner", s.inner);
+  }
+};
+}  // namespace sample
+
+namespace {
+/// A file that is gone when the test ends.
+struct TemporaryFile {
+  std::string path;
+  explicit TemporaryFile(const std::string& text)
+      : path((std::filesystem::temp_directory_path() / ("apso_parameters_" + std::to_string(::getpid()) + ".yaml")).string()) {
+    std::ofstream(path) << text;
+  }
+  ~TemporaryFile() { std::remove(path.c_str()); }
+};
+
+std::string message_of(const std::string& yaml) {
+  const TemporaryFile file(yaml);
+  sample::Outer options;
+  try {
+    apso::read_parameters(file.path, options);
+  } catch (const apso::io_error& e) {
+    return e.what();
+  }
+  return "";
+}
+bool contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
+}  // namespace
+
+TEST_CASE("parameters are read, and what is not named keeps its value") {
+  const TemporaryFile file("count: 7\ninner:\n  form: square\n");
+  sample::Outer o;
+  apso::read_parameters(file.path, o);
+  CHECK(o.count == 7);
+  CHECK(o.fast == false);
+  CHECK(o.inner.gain == 0.5);
+  CHECK(o.inner.form == sample::Form::Square);
+}
+
+TEST_CASE("what is written is read back") {
+  sample::Outer o;
+  o.count = 9;
+  o.fast = true;
+  o.inner.gain = 0.125;
+  o.inner.form = sample::Form::Square;
+  const TemporaryFile file(apso::write_parameters(o));
+  sample::Outer back;
+  apso::read_parameters(file.path, back);
+  CHECK(back.count == 9);
+  CHECK(back.fast);
+  CHECK(back.inner.gain == 0.125);
+  CHECK(back.inner.form == sample::Form::Square);
+}
+
+TEST_CASE("bad parameters are named with line, field and what was expected") {
+  CHECK(contains(message_of("count: 7\ninner:\n  gian: 0.1\n"), ":3: unknown option 'inner.gian', known here: gain, form"));
+  CHECK(contains(message_of("count: 11\n"), ":1: 'count' = 11 is out of range [1, 10]"));
+  CHECK(contains(message_of("\ncount: many\n"), ":2: 'count' must be a whole number"));
+  CHECK(contains(message_of("inner: {form: oval}\n"), "'inner.form' must be one of: round, square"));
+  CHECK(contains(message_of("inner: {gain: .nan}\n"), "out of range"));
+  CHECK(contains(message_of("fast: perhaps\n"), "'fast' must be true or false"));
+  CHECK(contains(message_of("count: [1\n"), "not valid YAML"));
+  CHECK(contains(message_of("- 1\n- 2\n"), "must be a map"));
+  sample::Outer o;
+  CHECK_THROWS_AS(apso::read_parameters("no/such/file.yaml", o), apso::io_error);
+}
+
+TEST_CASE("validate names field, value and range") {
+  sample::Outer o;
+  o.inner.gain = 2;
+  try {
+    apso::validate(o, "outer");
+    FAIL("accepted");
+  } catch (const apso::contract_error& e) {
+    CHECK(contains(e.what(), "outer.inner.gain = 2 is out of range [0, 1]"));
+  }
+}
