@@ -1,0 +1,65 @@
+/// \file
+/// A camera as data sets describe it: pinhole, lens distortion, depth unit.
+#pragma once
+
+#include <cmath>
+#include <string>
+
+#include <Eigen/Core>
+
+#include <apso/config.hpp>
+#include <apso/types/pinhole.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Pinhole with radial-tangential distortion (Brown) and the unit of its depth images.
+struct CameraModel {
+  std::string name;
+  Pinhole pinhole;
+  double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;  ///< order and meaning as in OpenCV
+  double depth_scale = 5000;                      ///< units of the depth image per metre
+
+  [[nodiscard]] bool distorted() const { return k1 != 0 || k2 != 0 || p1 != 0 || p2 != 0 || k3 != 0; }
+
+  /// Where the lens puts the ray (x, y, 1).
+  [[nodiscard]] Eigen::Vector2d distort(double x, double y) const {
+    const double r2 = x * x + y * y;
+    const double radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
+    return {x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
+  }
+
+  void validate() const {
+    pinhole.validate();
+    expects(std::isfinite(depth_scale) && depth_scale > 0, "CameraModel: depth_scale must be > 0 (units per metre)");
+    expects(std::isfinite(k1) && std::isfinite(k2) && std::isfinite(p1) && std::isfinite(p2) && std::isfinite(k3),
+            "CameraModel: the distortion must be finite");
+  }
+};
+
+/// Cameras of public data sets: tum-fr1, tum-fr2, tum-fr3 (Sturm et al. 2012), bonn (Palazzolo et al. 2019),
+/// icl-nuim (Handa et al. 2014). All 640 x 480 with 5000 depth units per metre.
+[[nodiscard]] inline CameraModel camera_by_name(const std::string& name) {
+  const auto make = [&](double fx, double fy, double cx, double cy) {
+    CameraModel c;
+    c.name = name;
+    c.pinhole = {fx, fy, cx, cy, 640, 480};
+    return c;
+  };
+  const auto distorted = [](CameraModel c, double k1, double k2, double p1, double p2, double k3) {
+    c.k1 = k1;
+    c.k2 = k2;
+    c.p1 = p1;
+    c.p2 = p2;
+    c.k3 = k3;
+    return c;
+  };
+  if (name == "tum-fr1") return distorted(make(517.3, 516.5, 318.6, 255.3), 0.2624, -0.9531, -0.0054, 0.0026, 1.1633);
+  if (name == "tum-fr2") return distorted(make(520.9, 521.0, 325.1, 249.7), 0.2312, -0.7849, -0.0033, -0.0001, 0.9172);
+  if (name == "tum-fr3") return make(535.4, 539.2, 320.1, 247.6);
+  if (name == "bonn")
+    return distorted(make(542.822841, 542.576870, 315.593520, 237.756098), 0.039903, -0.099343, -0.000730, -0.000144, 0);
+  if (name == "icl-nuim") return make(481.2, 480.0, 319.5, 239.5);  // published fy = -480: its y axis points up
+  contract_violation("camera \"" + name + "\" is not known, expected tum-fr1, tum-fr2, tum-fr3, bonn or icl-nuim");
+}
+
+APSO_NAMESPACE_END

@@ -1,0 +1,194 @@
+/// \file
+/// Keyframes and landmarks, and who sees whom.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/opencv/descriptor_matching.hpp>
+#include <apso/types/keypoint.hpp>
+#include <apso/types/pinhole.hpp>
+
+APSO_NAMESPACE_BEGIN
+namespace opencv {
+
+/// Features of one image, with the depth measured at each.
+struct FeatureSet {
+  std::vector<Keypoint> keypoints;
+  std::vector<float> inverse_depth;        ///< [1/m], 0 = none
+  std::vector<float> inverse_depth_sigma;  ///< [1/m]
+  cv::Mat descriptors;                     ///< one row of 32 bytes per keypoint
+};
+
+/// A keyframe: pose, features, and for each feature the landmark it shows (-1 = none).
+struct Keyframe {
+  bool alive = false;
+  Pose T_world_camera = Pose::Identity();
+  double timestamp = 0;
+  FeatureSet features;
+  std::vector<int> landmark;
+};
+
+/// One view of a landmark.
+struct LandmarkView {
+  int keyframe = -1;
+  int feature = -1;
+};
+
+/// A point of the static world.
+struct Landmark {
+  bool alive = false;
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< world frame [m]
+  std::array<std::uint8_t, 32> descriptor{};        ///< of the view that is most like the others
+  Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< mean unit vector from the point to its viewers
+  double unit_distance = 1;  ///< distance at which it would appear on level 0 [m]
+  float angle = 0;           ///< orientation in the last keyframe that saw it [deg]
+  int visible = 1;           ///< frames in which it should have been seen
+  int found = 1;             ///< frames in which it was
+  int on_dynamic = 0;        ///< frames in which it lay on something that moves
+  int born = 0;              ///< frame number
+  std::vector<LandmarkView> views;
+};
+
+class LocalMap {
+ public:
+  [[nodiscard]] const std::vector<Keyframe>& keyframes() const { return keyframes_; }
+  [[nodiscard]] std::vector<Keyframe>& keyframes() { return keyframes_; }
+  [[nodiscard]] const std::vector<Landmark>& landmarks() const { return landmarks_; }
+  [[nodiscard]] Landmark& landmark(int i) { return landmarks_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] const Landmark& landmark(int i) const { return landmarks_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] Keyframe& keyframe(int i) { return keyframes_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] const Keyframe& keyframe(int i) const { return keyframes_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] int living_landmarks() const { return living_landmarks_; }
+  [[nodiscard]] int living_keyframes() const { return living_keyframes_; }
+  [[nodiscard]] int last_keyframe() const { return static_cast<int>(keyframes_.size()) - 1; }
+
+  int add_keyframe(double timestamp, const Pose& T_world_camera, const FeatureSet& features) {
+    Keyframe k;
+    k.alive = true;
+    k.timestamp = timestamp;
+    k.T_world_camera = T_world_camera;
+    k.features.keypoints = features.keypoints;
+    k.features.inverse_depth = features.inverse_depth;
+    k.features.inverse_depth_sigma = features.inverse_depth_sigma;
+    k.features.descriptors = features.descriptors.clone();
+    k.landmark.assign(features.keypoints.size(), -1);
+    keyframes_.push_back(std::move(k));
+    ++living_keyframes_;
+    return last_keyframe();
+  }
+
+  /// Creates a landmark from a feature with depth.
+  int add_landmark(const Pinhole& camera, int keyframe, int feature, int frame_number) {
+    int i;
+    if (!free_.empty()) {
+      i = free_.back();
+      free_.pop_back();
+      landmark(i) = Landmark{};
+    } else {
+      i = static_cast<int>(landmarks_.size());
+      landmarks_.emplace_back();
+    }
+    const Keyframe& k = this->keyframe(keyframe);
+    const auto f = static_cast<std::size_t>(feature);
+    const Keypoint& p = k.features.keypoints[f];
+    Landmark& l = landmark(i);
+    l.alive = true;
+    l.born = frame_number;
+    l.point = k.T_world_camera * camera.unproject(p.x, p.y, 1.0 / static_cast<double>(k.features.inverse_depth[f]));
+    ++living_landmarks_;
+    add_view(i, keyframe, feature);
+    return i;
+  }
+
+  void add_view(int landmark_index, int keyframe, int feature) {
+    landmark(landmark_index).views.push_back({keyframe, feature});
+    this->keyframe(keyframe).landmark[static_cast<std::size_t>(feature)] = landmark_index;
+  }
+
+  /// Removes one view; the landmark dies with its last.
+  void remove_view(int landmark_index, int keyframe) {
+    Landmark& l = landmark(landmark_index);
+    for (std::size_t i = 0; i < l.views.size(); ++i)
+      if (l.views[i].keyframe == keyframe) {
+        this->keyframe(keyframe).landmark[static_cast<std::size_t>(l.views[i].feature)] = -1;
+        l.views.erase(l.views.begin() + static_cast<std::ptrdiff_t>(i));
+        break;
+      }
+    if (l.views.empty()) kill(landmark_index);
+  }
+
+  void kill(int landmark_index) {
+    Landmark& l = landmark(landmark_index);
+    if (!l.alive) return;
+    for (const LandmarkView& v : l.views) keyframe(v.keyframe).landmark[static_cast<std::size_t>(v.feature)] = -1;
+    l.views.clear();
+    l.alive = false;
+    --living_landmarks_;
+    free_.push_back(landmark_index);
+  }
+
+  void forget_keyframe(int index) {
+    Keyframe& k = keyframe(index);
+    if (!k.alive) return;
+    for (std::size_t f = 0; f < k.landmark.size(); ++f)
+      if (k.landmark[f] >= 0) remove_view(k.landmark[f], index);
+    k.features = FeatureSet{};
+    k.landmark.clear();
+    k.alive = false;
+    --living_keyframes_;
+  }
+
+  /// Descriptor, viewing direction and scale from the views.
+  void refresh(int landmark_index, double scale_factor) {
+    Landmark& l = landmark(landmark_index);
+    if (!l.alive || l.views.empty()) return;
+    const std::size_t n = l.views.size();
+    const std::size_t start = n > 8 ? n - 8 : 0;  // the latest views are the ones that matter
+    const auto row = [&](std::size_t i) {
+      return keyframe(l.views[i].keyframe).features.descriptors.ptr<uchar>(l.views[i].feature);
+    };
+    std::size_t best = start;
+    int best_sum = 1 << 30;
+    for (std::size_t i = start; i < n; ++i) {
+      int sum = 0;
+      for (std::size_t j = start; j < n; ++j) sum += i == j ? 0 : hamming(row(i), row(j));
+      if (sum < best_sum) {
+        best_sum = sum;
+        best = i;
+      }
+    }
+    std::memcpy(l.descriptor.data(), row(best), 32);
+    l.direction.setZero();
+    for (const LandmarkView& v : l.views)
+      l.direction += (keyframe(v.keyframe).T_world_camera.translation() - l.point).normalized();
+    const double norm = l.direction.norm();
+    if (norm > 0) l.direction /= norm;
+    const LandmarkView& last = l.views.back();
+    const Keyframe& k = keyframe(last.keyframe);
+    const Keypoint& p = k.features.keypoints[static_cast<std::size_t>(last.feature)];
+    l.angle = p.angle;
+    l.unit_distance = (k.T_world_camera.translation() - l.point).norm() * std::pow(scale_factor, p.octave);
+  }
+
+ private:
+  std::vector<Keyframe> keyframes_;
+  std::vector<Landmark> landmarks_;
+  std::vector<int> free_;
+  int living_landmarks_ = 0;
+  int living_keyframes_ = 0;
+};
+
+}  // namespace opencv
+APSO_NAMESPACE_END
