@@ -1,0 +1,67 @@
+/// \file
+/// Moving points from sparse tracks: where a track goes, against where a static point would have gone.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/types/image_view.hpp>
+#include <apso/types/pinhole.hpp>
+#include <apso/types/track.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// A track that departs from the motion of a static point.
+struct FlowSeed {
+  float x = 0;         ///< position in the current frame [px]
+  float y = 0;         ///< [px]
+  float residual = 0;  ///< distance to the position predicted from depth and ego-motion [px]
+};
+
+/// Finds tracks whose image motion departs from that of a static point at the depth measured in the previous frame.
+///
+/// The threshold is max(min_residual, 3 x the lower quartile of all residuals): a pose error lifts all residuals, so
+/// it lifts the threshold as well, as long as a quarter of the tracks is static.
+/// \param T_current_previous motion of the camera
+/// \param previous_depth low-resolution depth of the previous frame, its pixels cover factor x factor pixels
+/// \param residuals scratch
+inline void flow_seeds(const std::vector<PointTrack>& tracks, const Pinhole& camera, const Pose& T_current_previous,
+                       const Image<float>& previous_depth, int factor, double min_residual,
+                       std::vector<float>& residuals, std::vector<FlowSeed>& seeds) {
+  seeds.clear();
+  residuals.clear();
+  const auto f = static_cast<float>(factor);
+  for (const PointTrack& t : tracks) {
+    if (t.age < 1) continue;
+    const float px = (t.previous_x + 0.5F) / f;
+    const float py = (t.previous_y + 0.5F) / f;
+    if (!(px >= 0 && py >= 0 && px < static_cast<float>(previous_depth.width()) &&
+          py < static_cast<float>(previous_depth.height())))
+      continue;
+    const float z = previous_depth(static_cast<int>(px), static_cast<int>(py));
+    if (!(z > 0)) continue;
+    const Eigen::Vector3d p =
+        T_current_previous * camera.unproject(static_cast<double>(t.previous_x), static_cast<double>(t.previous_y),
+                                              static_cast<double>(z));
+    if (!(p.z() > 0.05)) continue;
+    const Eigen::Vector2d u = camera.project(p);
+    const auto r = static_cast<float>(std::hypot(u.x() - static_cast<double>(t.x), u.y() - static_cast<double>(t.y)));
+    if (!std::isfinite(r)) continue;
+    residuals.push_back(r);
+    seeds.push_back({t.x, t.y, r});
+  }
+  if (residuals.empty()) return;
+  const auto quartile = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 4);
+  std::nth_element(residuals.begin(), quartile, residuals.end());
+  const float threshold = std::max(static_cast<float>(min_residual), 3.0F * *quartile);
+  seeds.erase(std::remove_if(seeds.begin(), seeds.end(), [&](const FlowSeed& s) { return s.residual <= threshold; }),
+              seeds.end());
+}
+
+APSO_NAMESPACE_END

@@ -1,0 +1,147 @@
+/// \file
+/// What past views say about a point seen now: a past view saw through the place where the point is (so the point
+/// has come since), saw the same surface there, or could not see it.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/observation/low_res_depth.hpp>
+#include <apso/types/image_view.hpp>
+#include <apso/types/pinhole.hpp>
+#include <apso/types/rgbd_frame.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// One past view at low resolution.
+struct DepthReference {
+  double time = 0;                      ///< [s]
+  Pose T_world_camera = Pose::Identity();
+  Image<float> depth;                   ///< [m], 0 invalid
+  Image<std::uint8_t> dynamic;          ///< 1 = was dynamic then
+  DepthLimits limits;                   ///< of depth
+  std::vector<Eigen::Vector3f> normals; ///< of depth, camera frame; zero = none
+};
+
+/// Noise that separates "the same surface" from "in front of it".
+struct FreeSpaceOptions {
+  double tolerance = 0.07;    ///< smallest depth difference that counts [m]
+  double sigmas = 3.5;        ///< ... in standard deviations of the difference of two depths
+  double drift = 0.01;        ///< slack for the error between the two poses, per second between the views [m/s]
+  double drift_limit = 0.05;  ///< largest such slack [m]
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("tolerance", s.tolerance, 1e-4, 10.0);
+    v("sigmas", s.sigmas, 0.0, 100.0);
+    v("drift", s.drift, 0.0, 10.0);
+    v("drift_limit", s.drift_limit, 0.0, 10.0);
+  }
+};
+
+/// Evidence per low-resolution pixel, summed over past views.
+struct FreeSpaceEvidence {
+  Image<float> appeared;      ///< views that saw through the point, weighted
+  Image<float> same_static;   ///< views that saw a static surface there, weighted
+  Image<float> same_dynamic;  ///< views that saw a surface there which was dynamic then, weighted
+  void clear(int width, int height) {
+    appeared.assign(width, height, 0.0F);
+    same_static.assign(width, height, 0.0F);
+    same_dynamic.assign(width, height, 0.0F);
+  }
+};
+
+/// How one past view compares with the current one, as shares of the current points that fall on its surfaces.
+struct ViewComparison {
+  int seen = 0;      ///< points that fall on a valid pixel of the past view
+  int same = 0;      ///< ... and agree with a static surface
+  int in_front = 0;  ///< ... and are in space that was free
+  int behind = 0;    ///< ... and are behind a surface that was static
+  double trust = 0;  ///< [0,1]; low when the differences look like a wrong pose
+};
+
+/// Adds what one past view says about the current depth.
+///
+/// A wrong pose puts as many points behind static surfaces as in front of them, a moving object does not: it hides
+/// what is behind it. So the trust in a view falls with the share of points behind its static surfaces.
+/// \param T_world_camera pose of the current view
+/// \param votes scratch, resized to the image
+inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole& camera, const Pose& T_world_camera,
+                                        double time, const DepthReference& reference, const FreeSpaceOptions& options,
+                                        Image<float>& votes, FreeSpaceEvidence& evidence) {
+  enum : int { kSameStatic = -1, kSameDynamic = -2 };
+  const int w = depth.width();
+  const int h = depth.height();
+  votes.resize(w, h);
+  const Pose T = inverse(reference.T_world_camera) * T_world_camera;
+  const Eigen::Matrix3f R = T.linear().cast<float>();
+  const Eigen::Vector3f t = T.translation().cast<float>();
+  const auto fx = static_cast<float>(camera.fx);
+  const auto fy = static_cast<float>(camera.fy);
+  const auto cx = static_cast<float>(camera.cx);
+  const auto cy = static_cast<float>(camera.cy);
+  const float age = static_cast<float>(std::abs(time - reference.time));
+  const float slack = std::min(static_cast<float>(options.drift_limit), static_cast<float>(options.drift) * age);
+  const auto least = static_cast<float>(options.tolerance);
+  const auto sigmas = static_cast<float>(options.sigmas);
+
+  ViewComparison result;
+  for (int y = 0; y < h; ++y) {
+    const float* z = depth.row(y);
+    float* vote = votes.row(y);
+    const Eigen::Vector3f row = R.col(1) * ((static_cast<float>(y) - cy) / fy) + R.col(2);
+    for (int x = 0; x < w; ++x) {
+      vote[x] = 0;
+      if (!(z[x] > 0)) continue;
+      const Eigen::Vector3f p = z[x] * (R.col(0) * ((static_cast<float>(x) - cx) / fx) + row) + t;
+      if (!(p.z() > 0.05F)) continue;
+      const float iz = 1.0F / p.z();
+      const float u = fx * p.x() * iz + cx + 0.5F;
+      const float v = fy * p.y() * iz + cy + 0.5F;
+      if (!(u >= 0 && v >= 0 && u < static_cast<float>(w) && v < static_cast<float>(h))) continue;
+      const int iu = static_cast<int>(u);
+      const int iv = static_cast<int>(v);
+      const float nearest = reference.limits.nearest(iu, iv);
+      if (!(nearest > 0)) continue;
+      const float s1 = depth_sigma(z[x]);
+      const float s2 = depth_sigma(reference.depth(iu, iv));
+      const float tau = std::max(least, sigmas * std::sqrt(s1 * s1 + s2 * s2)) + slack;
+      ++result.seen;
+      const bool was_dynamic = reference.dynamic(iu, iv) != 0;
+      if (p.z() < nearest - tau) {
+        vote[x] = 0.5F + 0.5F * std::min(1.0F, (nearest - tau - p.z()) / tau);
+        ++result.in_front;
+      } else if (p.z() <= reference.limits.farthest(iu, iv) + tau) {
+        vote[x] = was_dynamic ? static_cast<float>(kSameDynamic) : static_cast<float>(kSameStatic);
+        result.same += was_dynamic ? 0 : 1;
+      } else {
+        result.behind += was_dynamic ? 0 : 1;
+      }
+    }
+  }
+  const double judged = result.same + result.behind;
+  const double wrong = judged > 0 ? result.behind / judged : 0.0;
+  result.trust = std::clamp((0.6 - wrong) / 0.3, 0.0, 1.0);
+  const auto weight = static_cast<float>(result.trust);
+  if (weight > 0) {
+    for (std::size_t i = 0; i < votes.size(); ++i) {
+      const float v = votes.data()[i];
+      if (v > 0) {
+        evidence.appeared.data()[i] += weight * v;
+      } else if (v == static_cast<float>(kSameStatic)) {
+        evidence.same_static.data()[i] += weight;
+      } else if (v == static_cast<float>(kSameDynamic)) {
+        evidence.same_dynamic.data()[i] += weight;
+      }
+    }
+  }
+  return result;
+}
+
+APSO_NAMESPACE_END

@@ -1,0 +1,286 @@
+// Properties of the motion policy on rooms whose truth is known.
+#include <doctest/doctest.h>
+
+#include <limits>
+#include <vector>
+
+#include <apso/observation/geometric_motion.hpp>
+
+#include "scene.hpp"
+
+namespace {
+using namespace apso;
+using observation_test::camera;
+using observation_test::hand_held;
+using observation_test::Scene;
+using observation_test::Slab;
+
+struct Score {
+  double recall = 0, precision = 0, share = 0, iou = 0;
+};
+Score score(const DynamicMask& m, const Image<std::uint8_t>& truth) {
+  double both = 0, mask = 0, real = 0;
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    const bool a = m.probability.data()[i] >= 0.5F;
+    const bool b = truth.data()[i] != 0;
+    both += a && b ? 1 : 0;
+    mask += a ? 1 : 0;
+    real += b ? 1 : 0;
+  }
+  return {real > 0 ? both / real : 1, mask > 0 ? both / mask : 1, mask / static_cast<double>(truth.size()),
+          both / std::max(1.0, mask + real - both)};
+}
+
+bool sane(const DynamicMask& m) {
+  for (std::size_t i = 0; i < m.probability.size(); ++i) {
+    const float p = m.probability.data()[i];
+    if (!(p >= 0.0F && p <= 1.0F) || m.known.data()[i] > 1) return false;
+  }
+  return true;
+}
+
+GeometricMotionOptions undilated() {
+  GeometricMotionOptions o;
+  o.dilation = 0;
+  return o;
+}
+
+Pose disturbed(const Pose& T, int k, double metres, double radians) {
+  Twist n;
+  n << metres * std::sin(1.0 + 3.1 * k), metres * std::sin(2.0 + 2.3 * k), metres * std::sin(3.0 + 1.7 * k),
+      radians * std::sin(4.0 + 2.9 * k), radians * std::sin(5.0 + 1.3 * k), radians * std::sin(6.0 + 3.7 * k);
+  return T * se3_exp(n);
+}
+
+TEST_CASE("without past views nothing is known and nothing is dynamic") {
+  GeometricMotion motion(camera());
+  Scene s;
+  s.render(Pose::Identity(), Slab{});
+  DynamicMask m;
+  motion.observe(s.frame(0), Pose::Identity(), {}, m);
+  CHECK(dynamic_ratio(m) == 0.0);
+  CHECK(known_ratio(m) == 0.0);
+}
+
+TEST_CASE("a static scene stays static, with noise, with a wrong prior, at rest and in rotation") {
+  for (int kind = 0; kind < 4; ++kind) {
+    CAPTURE(kind);
+    GeometricMotion motion(camera());
+    Scene s;
+    DynamicMask m;
+    double worst = 0;
+    for (int k = 0; k < 40; ++k) {
+      const double t = k / 30.0;
+      Pose T = kind == 0 ? Pose::Identity() : hand_held(3 * t);
+      if (kind == 1) T.translation().setZero();  // rotation only
+      s.render(T, Slab{});                       // the slab does not move: it is furniture
+      motion.observe(s.frame(t), kind == 3 ? disturbed(T, k, 0.01, 0.005) : T, {}, m);
+      motion.remember(s.frame(t), T, m);
+      worst = std::max(worst, dynamic_ratio(m));
+      CHECK(sane(m));
+    }
+    CHECK(worst < 0.01);
+    CHECK(known_ratio(m) > 0.9);
+  }
+}
+
+TEST_CASE("a moving slab is found, also with a wrong prior") {
+  for (double error : {0.0, 1.0}) {
+    CAPTURE(error);
+    GeometricMotion motion(camera(), undilated());
+    Scene s;
+    DynamicMask m;
+    double iou = 0;
+    double recall = 0;
+    int n = 0;
+    for (int k = 0; k < 70; ++k) {
+      const double t = k / 30.0;
+      const Pose T = hand_held(t);
+      Slab slab;
+      slab.x = -1.4 + 0.8 * t;  // walks through the view at 0.8 m/s
+      s.render(T, slab);
+      motion.observe(s.frame(t), disturbed(T, k, 0.01 * error, 0.005 * error), {}, m);
+      motion.remember(s.frame(t), T, m);
+      if (k >= 30) {
+        const Score q = score(m, s.truth);
+        iou += q.iou;
+        recall += q.recall;
+        ++n;
+      }
+    }
+    CHECK(iou / n > 0.7);
+    CHECK(recall / n > 0.85);
+  }
+}
+
+TEST_CASE("most of the view may move") {
+  GeometricMotion motion(camera(), undilated());
+  Scene s;
+  DynamicMask m;
+  double recall = 0;
+  int n = 0;
+  for (int k = 0; k < 60; ++k) {
+    const double t = k / 30.0;
+    const Pose T = hand_held(t);
+    Slab slab;
+    slab.z = 1.2;
+    slab.width = 0.9;
+    slab.x = -1.6 + 0.9 * t;
+    s.render(T, slab);
+    motion.observe(s.frame(t), T, {}, m);
+    motion.remember(s.frame(t), T, m);
+    if (score(m, s.truth).share > 0.4) {
+      recall += score(m, s.truth).recall;
+      ++n;
+    }
+  }
+  REQUIRE(n > 5);
+  CHECK(recall / n > 0.9);
+}
+
+TEST_CASE("what has stopped stays dynamic for a while and is then forgotten") {
+  GeometricMotionOptions options = undilated();
+  options.memory = 2.0;
+  GeometricMotion motion(camera(), options);
+  Scene s;
+  DynamicMask m;
+  double soon = -1;
+  double late = -1;
+  for (int k = 0; k < 210; ++k) {
+    const double t = k / 30.0;
+    Slab slab;
+    slab.x = -1.4 + 0.8 * std::min(t, 1.6);
+    s.render(Pose::Identity(), slab);
+    motion.observe(s.frame(t), Pose::Identity(), {}, m);
+    motion.remember(s.frame(t), Pose::Identity(), m);
+    if (k == 63) soon = score(m, s.truth).recall;  // half a second after it stopped
+    if (k == 209) late = score(m, s.truth).share;
+  }
+  CHECK(soon > 0.85);
+  CHECK(late < 0.01);
+}
+
+TEST_CASE("the prior is corrected by the background") {
+  GeometricMotion motion(camera());
+  Scene s;
+  DynamicMask m;
+  double before = 0;
+  double after = 0;
+  for (int k = 0; k < 30; ++k) {
+    const double t = k / 30.0;
+    const Pose T = hand_held(t);
+    Slab slab;
+    slab.x = -1 + t;
+    s.render(T, slab);
+    const Pose prior = disturbed(T, k, 0.02, 0.01);
+    motion.observe(s.frame(t), prior, {}, m);
+    motion.remember(s.frame(t), T, m);
+    if (k == 0) continue;
+    before += rotation_angle(inverse(T) * prior);
+    after += rotation_angle(inverse(T) * motion.refined_prior());
+  }
+  CHECK(after < 0.4 * before);
+}
+
+TEST_CASE("frames without depth are survived") {
+  for (float hole : {0.0F, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -1.0F}) {
+    GeometricMotion motion(camera());
+    Scene s;
+    DynamicMask m;
+    for (int k = 0; k < 8; ++k) {
+      s.render(Pose::Identity(), std::nullopt);
+      if (k % 3 == 1) {
+        for (std::size_t i = 0; i < s.depth.size(); ++i) s.depth.data()[i] = hole;
+      } else {
+        for (int y = 50; y < 100; ++y)
+          for (int x = 30; x < 130; ++x) s.depth(x, y) = hole;
+      }
+      const float nan = std::numeric_limits<float>::quiet_NaN();
+      motion.observe(s.frame(k / 30.0), Pose::Identity(), {{1, nan, nan, nan, nan, 3}, {2, 1e9F, -1e9F, 5, 5, 2}}, m);
+      motion.remember(s.frame(k / 30.0), Pose::Identity(), m);
+      CHECK(sane(m));
+      CHECK(is_finite(motion.refined_prior()));
+      CHECK(dynamic_ratio(m) < 0.01);
+    }
+  }
+}
+
+TEST_CASE("two runs, and a run after reset, give the same bits") {
+  const auto run = [](GeometricMotion& motion) {
+    Scene s;
+    DynamicMask m;
+    std::vector<float> all;
+    for (int k = 0; k < 20; ++k) {
+      Slab slab;
+      slab.x = -1 + 0.05 * k;
+      s.render(hand_held(k / 30.0), slab);
+      motion.observe(s.frame(k / 30.0), hand_held(k / 30.0), {}, m);
+      motion.remember(s.frame(k / 30.0), motion.refined_prior(), m);
+      all.insert(all.end(), m.probability.data(), m.probability.data() + m.probability.size());
+    }
+    return all;
+  };
+  GeometricMotion a(camera());
+  GeometricMotion b(camera());
+  const auto first = run(a);
+  CHECK(first == run(b));
+  a.reset();
+  CHECK(a.reference_count() == 0);
+  CHECK(first == run(a));
+}
+
+TEST_CASE("stamps that do not grow are taken as 30 frames per second") {
+  GeometricMotion motion(camera());
+  Scene s;
+  DynamicMask m;
+  for (int k = 0; k < 12; ++k) {
+    s.render(Pose::Identity(), std::nullopt);
+    motion.observe(s.frame(0), Pose::Identity(), {}, m);
+    motion.remember(s.frame(0), Pose::Identity(), m);
+  }
+  CHECK(motion.reference_count() > 2);
+}
+
+TEST_CASE("a track that leaves its static prediction is a seed") {
+  const Pinhole c = camera();
+  Image<float> depth(80, 60, 2.0F);
+  std::vector<PointTrack> tracks;
+  for (int i = 0; i < 20; ++i) {
+    const auto x = static_cast<float>(20 + 10 * i);
+    tracks.push_back({i, x, 100, x, 100, 1});
+  }
+  tracks.push_back({99, 150, 60, 140, 60, 1});  // moves by 10 px
+  tracks.push_back({100, 50, 60, 10, 60, 0});   // begins here: has no past
+  std::vector<float> scratch;
+  std::vector<FlowSeed> seeds;
+  flow_seeds(tracks, c, Pose::Identity(), depth, 4, 3.0, scratch, seeds);
+  REQUIRE(seeds.size() == 1);
+  CHECK(seeds[0].x == 150);
+  CHECK(seeds[0].residual == doctest::Approx(10));
+  // camera moves 0.1 m to the right: static points at 2 m move left by 260 * 0.1 / 2 = 13 px
+  Pose T = Pose::Identity();
+  T.translation().x() = -0.1;
+  for (PointTrack& t : tracks) t.x = t.previous_x - 13;
+  flow_seeds(tracks, c, T, depth, 4, 3.0, scratch, seeds);
+  CHECK(seeds.empty());
+}
+
+TEST_CASE("wrong calls are refused") {
+  GeometricMotionOptions o;
+  o.references = 0;
+  CHECK_THROWS_AS(GeometricMotion(camera(), o), contract_error);
+  CHECK_THROWS_AS(GeometricMotion(Pinhole{}), contract_error);
+  GeometricMotion motion(camera());
+  Image<float> small(10, 10, 1.0F);
+  DynamicMask m;
+  CHECK_THROWS_AS(motion.observe({0, small, small}, Pose::Identity(), {}, m), contract_error);
+  Scene s;
+  s.render(Pose::Identity(), std::nullopt);
+  set_unknown(3, 3, m);
+  CHECK_THROWS_AS(motion.remember(s.frame(0), Pose::Identity(), m), contract_error);
+  Pose nan = Pose::Identity();
+  nan.translation().x() = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THROWS_AS(motion.observe(s.frame(0), nan, {}, m), contract_error);
+}
+
+}  // namespace
