@@ -1,0 +1,93 @@
+// Real trajectories whose errors were computed by evo and by the scripts of the TUM RGB-D benchmark.
+#include <cmath>
+#include <cstddef>
+#include <cstdlib>
+#include <fstream>
+#include <string>
+
+#include <doctest/doctest.h>
+
+#include <apso/evaluation/ate.hpp>
+#include <apso/evaluation/rpe.hpp>
+#include <apso/io/tum_text.hpp>
+
+namespace {
+/// Folder of the trajectories, or "" (with a message) where the data is not installed.
+std::string trajectories() {
+  const char* variable = std::getenv("APSO_DATA_DIR");
+  const std::string data = variable != nullptr ? variable : std::string(APSO_SOURCE_DIR) + "/../shared/data";
+  const std::string folder = data + "/trajectories/";
+  if (std::ifstream(folder + "groundtruth/fr2_desk.txt").good()) return folder;
+  MESSAGE("skipped: no trajectories under " << data << " (set APSO_DATA_DIR)");
+  return "";
+}
+/// Equal to the six decimals that were published.
+void same(double value, double published) {
+  INFO("value " << value << ", published " << published);
+  CHECK(std::abs(value - published) <= 0.51e-6);
+}
+}  // namespace
+
+TEST_CASE("ATE of evo 1.x, nearest stamp within 0.01 s") {
+  const std::string folder = trajectories();
+  if (folder.empty()) return;
+  struct Row {
+    const char* estimate;
+    const char* groundtruth;
+    std::size_t pairs;
+    double rmse, mean, median, std, max;
+  };
+  for (const Row& row : {
+           Row{"fr3_walking_xyz_orbslam3", "fr3_walking_xyz", 826, 0.665905, 0.541956, 0.468050, 0.386929, 1.751150},
+           Row{"fr3_walking_xyz_lccrf", "fr3_walking_xyz", 826, 0.022131, 0.019175, 0.017276, 0.011050, 0.073283},
+           Row{"fr2_desk_ORB", "fr2_desk", 2174, 0.008119, 0.007492, 0.007415, 0.003129, 0.024300},
+           Row{"fr1_xyz_rgbdslam", "fr1_xyz", 785, 0.013470, 0.012024, 0.011183, 0.006071, 0.034760},
+       }) {
+    CAPTURE(row.estimate);
+    apso::AteOptions options;
+    options.association = apso::AssociationRule::Evo;
+    const apso::AteResult r =
+        apso::ate(apso::read_trajectory(folder + "groundtruth/" + row.groundtruth + ".txt"),
+                  apso::read_trajectory(folder + "estimated/" + row.estimate + ".txt"), options);
+    CHECK(r.status == apso::Status::Converged);
+    CHECK(r.pairs.size() == row.pairs);
+    same(r.statistics.rmse, row.rmse);
+    same(r.statistics.mean, row.mean);
+    same(r.statistics.median, row.median);
+    same(r.statistics.std, row.std);
+    same(r.statistics.max, row.max);
+    if (std::string(row.estimate) == "fr3_walking_xyz_orbslam3") same(r.statistics.min, 0.029696);
+  }
+}
+
+TEST_CASE("ATE and RPE of the TUM scripts on fr2_desk") {
+  const std::string folder = trajectories();
+  if (folder.empty()) return;
+  const apso::Trajectory truth = apso::read_trajectory(folder + "groundtruth/fr2_desk.txt");
+  const apso::Trajectory estimate = apso::read_trajectory(folder + "estimated/fr2_desk_ORB.txt");
+
+  const apso::AteResult ate = apso::ate(truth, estimate);
+  CHECK(ate.pairs.size() == 2223);
+  same(ate.statistics.rmse, 0.008144);
+  same(ate.statistics.mean, 0.007514);
+
+  apso::RpeOptions options;
+  const apso::RpeResult second = apso::rpe(truth, estimate, options);
+  CHECK(second.pairs.size() == 1998);
+  same(second.translation.rmse, 0.007161);
+  same(second.translation.mean, 0.006502);
+  same(second.translation.median, 0.006218);
+  same(second.translation.std, 0.003001);
+  same(second.rotation_deg.rmse, 0.455005);
+  same(second.rotation_deg.mean, 0.401638);
+
+  options.form = apso::RpeForm::Paper;
+  same(apso::rpe(truth, estimate, options).translation.rmse, 0.007093);
+
+  options = {};
+  options.unit = apso::DeltaUnit::Frames;
+  const apso::RpeResult frame = apso::rpe(truth, estimate, options);
+  CHECK(frame.pairs.size() == 2060);
+  same(frame.translation.rmse, 0.003381);
+  same(frame.rotation_deg.rmse, 0.266378);
+}
