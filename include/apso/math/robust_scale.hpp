@@ -1,0 +1,110 @@
+/// \file
+/// Robust estimates of the spread of residuals, so that one large error does not hide behind another.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+
+#include <apso/config.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+enum class ScaleKind { Mad, StudentT, MeanAbs };
+constexpr std::array<const char*, 3> enum_names(ScaleKind) { return {"mad", "student_t", "mean_abs"}; }
+
+/// Median of the values (the upper one of an even count); reorders them. 0 for none.
+template <class T>
+[[nodiscard]] T median_in_place(std::vector<T>& values) {
+  if (values.empty()) return T(0);
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// 1.4826 median |r - median r|: the standard deviation of Gaussian residuals, blind to up to half of outliers.
+/// Reorders and overwrites the values. 0 for none.
+template <class T>
+[[nodiscard]] double mad_scale_in_place(std::vector<T>& values) {
+  const T m = median_in_place(values);
+  for (T& r : values) r = std::abs(r - m);
+  return 1.4826 * static_cast<double>(median_in_place(values));
+}
+
+/// Scale of a Student-t distribution: sigma^2 <- mean of r^2 (nu+1)/(nu + r^2/sigma^2), from `start` (or MAD) until the
+/// relative change is below 1e-3, at most 50 times (Kerl et al. 2013; stop rule without units).
+template <class T>
+[[nodiscard]] double t_scale(const std::vector<T>& values, double nu, double start) {
+  if (values.empty()) return 0;
+  double s2 = start * start;
+  if (!(s2 > 0)) return 0;
+  for (int i = 0; i < 50; ++i) {
+    double sum = 0;
+    for (const T r : values) {
+      const double r2 = static_cast<double>(r) * static_cast<double>(r);
+      sum += r2 * (nu + 1) / (nu + r2 / s2);
+    }
+    const double next = sum / static_cast<double>(values.size());
+    if (!(next > 0)) break;
+    const bool done = std::abs(next - s2) <= 1e-3 * s2;
+    s2 = next;
+    if (done) break;
+  }
+  return std::sqrt(s2);
+}
+
+/// Mean of |r|. 0 for none.
+template <class T>
+[[nodiscard]] double mean_abs(const std::vector<T>& values) {
+  double sum = 0;
+  for (const T r : values) sum += std::abs(static_cast<double>(r));
+  return values.empty() ? 0.0 : sum / static_cast<double>(values.size());
+}
+
+/// The chosen scale of the values, which are reordered and overwritten.
+template <class T>
+[[nodiscard]] double robust_scale_in_place(ScaleKind kind, std::vector<T>& values) {
+  switch (kind) {
+    case ScaleKind::MeanAbs: return mean_abs(values);
+    case ScaleKind::StudentT: {
+      std::vector<T> copy(values);
+      return t_scale(values, 5.0, mad_scale_in_place(copy));
+    }
+    case ScaleKind::Mad: break;
+  }
+  return mad_scale_in_place(values);
+}
+
+/// Covariance of pairs of residuals under a bivariate t distribution with nu = 5 (the joint model of DVO):
+/// Sigma <- mean of w r r^T with w = 7/(5 + r^T Sigma^-1 r), until the relative change is below 1e-3, at most 50 times.
+template <class T>
+[[nodiscard]] Eigen::Matrix2d bivariate_t_scale(const std::vector<T>& a, const std::vector<T>& b) {
+  expects(a.size() == b.size(), "bivariate_t_scale: the two residual lists differ in length");
+  std::vector<T> copy(a);
+  const double sa = std::max(1e-9, mad_scale_in_place(copy));
+  copy = b;
+  const double sb = std::max(1e-9, mad_scale_in_place(copy));
+  Eigen::Matrix2d sigma = Eigen::Vector2d(sa * sa, sb * sb).asDiagonal();
+  if (a.empty()) return sigma;
+  for (int i = 0; i < 50; ++i) {
+    const Eigen::Matrix2d inverse = sigma.inverse();
+    Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+    for (std::size_t j = 0; j < a.size(); ++j) {
+      const Eigen::Vector2d r(static_cast<double>(a[j]), static_cast<double>(b[j]));
+      sum += 7.0 / (5.0 + r.dot(inverse * r)) * r * r.transpose();
+    }
+    sum /= static_cast<double>(a.size());
+    sum += 1e-18 * Eigen::Matrix2d::Identity();
+    const bool done = (sum - sigma).norm() <= 1e-3 * sigma.norm();
+    sigma = sum;
+    if (done) break;
+  }
+  return sigma;
+}
+
+APSO_NAMESPACE_END

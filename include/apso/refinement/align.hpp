@@ -1,0 +1,76 @@
+/// \file
+/// Direct alignment of two frames in one call, for images of any type with image_traits.
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/options.hpp>
+#include <apso/refinement/direct_alignment.hpp>
+#include <apso/refinement/direct_confidence.hpp>
+#include <apso/refinement/pyramid.hpp>
+#include <apso/traits/image.hpp>
+#include <apso/types/pinhole.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+struct PairOptions {
+  double intensity_unit = 0;  ///< factor that brings intensities to [0,1]; 0 = 1/255 for 8 bit, 1/65535 for 16 bit, else 1
+  double depth_unit = 1;      ///< metres per unit of depth (TUM PNG files: 1/5000)
+  PyramidOptions pyramid;
+  AlignmentOptions alignment;
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("intensity_unit", s.intensity_unit, 0.0, 1e9);
+    v("depth_unit", s.depth_unit, 1e-12, 1e9);
+    v("pyramid", s.pyramid);
+    v("alignment", s.alignment);
+  }
+};
+
+struct PairAlignment {
+  Status status = Status::NotRun;
+  Pose T_current_reference = Pose::Identity();  ///< the initial guess if the status is a failure
+  double confidence = 0;                        ///< c_dir by the usual residual scales of a structured-light camera
+  AlignmentResult detail;                       ///< with the reference as world
+};
+
+/// Motion between two RGB-D frames.
+/// \param T_current_reference_guess initial guess; kept on failure
+template <class ReferenceIntensity, class ReferenceDepth, class CurrentIntensity, class CurrentDepth>
+[[nodiscard]] PairAlignment align(const ReferenceIntensity& reference_intensity, const ReferenceDepth& reference_depth,
+                                  const CurrentIntensity& current_intensity, const CurrentDepth& current_depth,
+                                  const Pinhole& camera, const Pose& T_current_reference_guess = Pose::Identity(),
+                                  const PairOptions& options = {}) {
+  check_image<ReferenceIntensity>();
+  check_image<ReferenceDepth>();
+  check_image<CurrentIntensity>();
+  check_image<CurrentDepth>();
+  validate(options, "align");
+  const auto unit = [&](auto zero) {
+    if (options.intensity_unit > 0) return options.intensity_unit;
+    if (std::is_same_v<decltype(zero), std::uint8_t>) return 1.0 / 255;
+    return std::is_same_v<decltype(zero), std::uint16_t> ? 1.0 / 65535 : 1.0;
+  };
+  Image<float> images[4];
+  copy_to_float(reference_intensity, unit(typename image_traits<ReferenceIntensity>::value_type{}), images[0]);
+  copy_to_float(reference_depth, options.depth_unit, images[1]);
+  copy_to_float(current_intensity, unit(typename image_traits<CurrentIntensity>::value_type{}), images[2]);
+  copy_to_float(current_depth, options.depth_unit, images[3]);
+  FramePyramid reference;
+  FramePyramid current;
+  reference.build({0.0, images[0], images[1]}, camera, {}, options.pyramid, PyramidRole::Reference);
+  current.build({0.0, images[2], images[3]}, camera, {}, options.pyramid, PyramidRole::Current);
+  DirectAligner aligner(options.alignment);
+  PairAlignment out;
+  out.detail = aligner.align({{&reference, Pose::Identity(), 1.0}}, current, {inverse(T_current_reference_guess)});
+  out.status = out.detail.status;
+  out.T_current_reference =
+      succeeded(out.status) ? inverse(out.detail.T_world_camera) : T_current_reference_guess;
+  out.confidence = direct_confidence(out.detail, 0.65, 1.1);
+  return out;
+}
+
+APSO_NAMESPACE_END

@@ -1,0 +1,41 @@
+/// \file
+/// How far a direct pose may be trusted: c_dir in [0,1].
+#pragma once
+
+#include <cmath>
+
+#include <apso/config.hpp>
+#include <apso/options.hpp>
+#include <apso/refinement/direct_alignment.hpp>
+#include <apso/status.hpp>
+#include <apso/types/score.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+struct ConfidenceOptions {
+  double u_low = 1.0;        ///< relative residual spread up to which the confidence is full
+  double u_high = 2.25;      ///< and from which it is zero
+  double min_valid_share = 0.3;
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("u_low", s.u_low, 0.0, 100.0);
+    v("u_high", s.u_high, 0.0, 100.0);
+    v("min_valid_share", s.min_valid_share, 0.0, 1.0);
+  }
+};
+
+/// c_dir = sqrt(rho_v) (1 - n_deg/6) clamp01((u_high - u)/(u_high - u_low)), where u is the geometric mean of the two
+/// final robust scales relative to what they are on good frames. The share of small residuals is of no use here: after
+/// scaling by the residuals themselves it rises when the alignment fails.
+/// \param usual_intensity,usual_depth the scales on good frames; unset (<= 0) gives 0
+[[nodiscard]] inline double direct_confidence(const AlignmentResult& r, double usual_intensity, double usual_depth,
+                                              const ConfidenceOptions& o = {}) {
+  if (!succeeded(r.status) || !(r.valid_share >= o.min_valid_share)) return 0;
+  if (!(usual_intensity > 0) || !(usual_depth > 0) || !(r.scale_intensity > 0) || !(r.scale_depth > 0)) return 0;
+  const double u = std::sqrt(r.scale_intensity / usual_intensity * (r.scale_depth / usual_depth));
+  const double span = o.u_high - o.u_low;
+  const double fit = span > 0 ? clamp01((o.u_high - u) / span) : (u <= o.u_low ? 1.0 : 0.0);
+  return clamp01(std::sqrt(r.valid_share) * (1.0 - r.degenerate_count / 6.0) * fit);
+}
+
+APSO_NAMESPACE_END

@@ -1,0 +1,122 @@
+/// \file
+/// Blending the feature pose T_f and the direct pose T_d, the paper's eq. (Optimized pose). The sum of two matrices
+/// that the paper prints is not a rigid motion; here the poses are joined along the screw between them.
+#pragma once
+
+#include <array>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/options.hpp>
+#include <apso/types/score.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+enum class BlendForm {
+  ScrewLinear,          ///< T_d Exp(w Log(T_d^-1 T_f)); does not depend on which frame is called fixed
+  Decoupled,            ///< rotation by slerp, translation linearly; depends on it
+  InformationWeighted,  ///< the feature pose fills the directions that the images leave open
+};
+constexpr std::array<const char*, 3> enum_names(BlendForm) { return {"screw_linear", "decoupled", "information_weighted"}; }
+
+struct BlendOptions {
+  double mu = 2.0;                ///< how fast the weight of the feature pose falls with the change score
+  BlendForm form = BlendForm::ScrewLinear;
+  double gate_translation = 0.30; ///< poses farther apart are not blended, the one nearer to the prediction is kept [m]
+  double gate_rotation = 20.0 * 3.14159265358979323846 / 180.0;  ///< the same for the rotation [rad]
+  double sigma_translation = 0.15;                               ///< unit of distance to the prediction [m]
+  double sigma_rotation = 10.0 * 3.14159265358979323846 / 180.0; ///< [rad]
+  double feature_sigma_translation = 0.02;  ///< assumed for the feature pose by InformationWeighted [m]
+  double feature_sigma_rotation = 0.01;     ///< [rad]
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("mu", s.mu, 0.0, 100.0);
+    v("form", s.form);
+    v("gate_translation", s.gate_translation, 0.0, 1e6);
+    v("gate_rotation", s.gate_rotation, 0.0, 4.0);
+    v("sigma_translation", s.sigma_translation, 1e-9, 1e6);
+    v("sigma_rotation", s.sigma_rotation, 1e-9, 1e6);
+    v("feature_sigma_translation", s.feature_sigma_translation, 1e-9, 1e6);
+    v("feature_sigma_rotation", s.feature_sigma_rotation, 1e-9, 1e6);
+  }
+};
+
+/// Weight of the feature pose, w_diff = exp(-mu S_change), in [exp(-mu), 1].
+[[nodiscard]] inline double difference_weight(double S_change, double mu) { return std::exp(-mu * clamp01(S_change)); }
+
+/// The same after the direct pose has been judged: 1 - c_dir (1 - w_diff). Without confidence the feature pose stays.
+[[nodiscard]] inline double effective_weight(double w_diff, double c_dir) {
+  return 1.0 - clamp01(c_dir) * (1.0 - clamp01(w_diff));
+}
+
+/// Distance of two poses in units of (sigma_translation, sigma_rotation).
+[[nodiscard]] inline double motion_distance(const Pose& a, const Pose& b, double sigma_translation, double sigma_rotation) {
+  const Twist xi = se3_log(inverse(a) * b);
+  const double t = xi.head<3>().norm() / sigma_translation;
+  const double r = xi.tail<3>().norm() / sigma_rotation;
+  return std::sqrt(t * t + r * r);
+}
+
+/// Blend of two poses; w = 1 gives T_feature and w = 0 gives T_direct, bit by bit.
+/// \param direct_information of the increment (v, w) in the camera frame; used by InformationWeighted only
+[[nodiscard]] inline Pose blend_poses(const Pose& T_feature, const Pose& T_direct, double w,
+                                      BlendForm form = BlendForm::ScrewLinear,
+                                      const Matrix6& direct_information = Matrix6::Zero(), const BlendOptions& o = {}) {
+  if (w >= 1) return T_feature;
+  if (!(w > 0) && form != BlendForm::InformationWeighted) return T_direct;
+  if (!(w > 0)) return T_direct;
+  if (form == BlendForm::ScrewLinear) return sclerp(T_direct, T_feature, w);
+  if (form == BlendForm::Decoupled) {
+    const Eigen::Matrix3d Rd = T_direct.linear();
+    const Eigen::Matrix3d Rf = T_feature.linear();
+    Pose T = Pose::Identity();
+    T.linear() = Eigen::Quaterniond(Rd).slerp(w, Eigen::Quaterniond(Rf)).toRotationMatrix();
+    T.translation() = (1 - w) * T_direct.translation() + w * T_feature.translation();
+    return T;
+  }
+  // T_f = T_d Exp(xi); the increment d = -xi of T_c_w from the left has the given information, hence so has xi.
+  Twist feature;
+  feature.head<3>().setConstant(1.0 / (o.feature_sigma_translation * o.feature_sigma_translation));
+  feature.tail<3>().setConstant(1.0 / (o.feature_sigma_rotation * o.feature_sigma_rotation));
+  const Twist xi = se3_log(inverse(T_direct) * T_feature);
+  Eigen::Matrix<double, 6, 6> A = (1 - w) * direct_information;
+  A.diagonal() += w * feature;
+  const Twist step = A.ldlt().solve(Eigen::Matrix<double, 6, 1>(w * feature.cwiseProduct(xi)));
+  return step.allFinite() ? Pose(T_direct * se3_exp(step)) : sclerp(T_direct, T_feature, w);
+}
+
+struct Blend {
+  Pose T_world_camera = Pose::Identity();
+  double w_diff = 1;   ///< weight of the feature pose from the change score
+  double w_eff = 1;    ///< weight used
+  bool gated = false;  ///< the poses were too far apart to be blended
+};
+
+/// Weights, gate and blend in one. With c_dir = 0 the result is the feature pose.
+/// \param T_predicted motion prediction, decides between poses that are too far apart
+[[nodiscard]] inline Blend blend_poses(const Pose& T_feature, const Pose& T_direct, const Pose& T_predicted,
+                                       double S_change, double c_dir, const BlendOptions& o = {},
+                                       const Matrix6& direct_information = Matrix6::Zero()) {
+  Blend b;
+  b.w_diff = difference_weight(S_change, o.mu);
+  b.w_eff = effective_weight(b.w_diff, c_dir);
+  b.T_world_camera = T_feature;
+  if (b.w_eff >= 1) return b;
+  const Twist xi = se3_log(inverse(T_direct) * T_feature);
+  if (xi.head<3>().norm() > o.gate_translation || xi.tail<3>().norm() > o.gate_rotation) {
+    b.gated = true;
+    const bool direct = motion_distance(T_direct, T_predicted, o.sigma_translation, o.sigma_rotation) <
+                        motion_distance(T_feature, T_predicted, o.sigma_translation, o.sigma_rotation);
+    b.w_eff = direct ? 0.0 : 1.0;
+    b.T_world_camera = direct ? T_direct : T_feature;
+    return b;
+  }
+  b.T_world_camera = blend_poses(T_feature, T_direct, b.w_eff, o.form, direct_information, o);
+  return b;
+}
+
+APSO_NAMESPACE_END
