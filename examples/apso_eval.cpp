@@ -19,7 +19,8 @@ namespace {
 
 /// Takes "1s", "0.5s", "5f", "2m", "10deg", "0.1rad" apart.
 void parse_delta(const std::string& text, apso::RpeOptions& options) {
-  const std::string expected = "--delta '" + text + "': expected a positive number and a unit, e.g. 1s, 0.5s, 1f, 2m, 10deg, 1rad";
+  const std::string expected =
+      "--delta '" + text + "': expected a positive number and a unit, e.g. 1s, 0.5s, 1f, 2m, 10deg, 1rad";
   const std::size_t end = text.find_first_not_of("0123456789.");
   if (end == std::string::npos || end == 0) throw std::invalid_argument(expected);
   std::size_t used = 0;
@@ -40,7 +41,9 @@ void parse_delta(const std::string& text, apso::RpeOptions& options) {
 
 nlohmann::ordered_json to_json(const apso::Statistics& s) {
   nlohmann::ordered_json j;
-  const auto value = [&](double v) { return s.count > 0 ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr); };
+  const auto value = [&](double v) {
+    return s.count > 0 ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
+  };
   j["rmse"] = value(s.rmse);
   j["mean"] = value(s.mean);
   j["median"] = value(s.median);
@@ -145,7 +148,8 @@ int main(int argc, char** argv) {
       out["rpe"]["rotation_deg"] = to_json(rpe.rotation_deg);
       std::printf("%s\n", out.dump(2).c_str());
     } else {
-      std::printf("%-22s %7s %10s %10s %10s %10s %10s %10s\n", "", "pairs", "rmse", "mean", "median", "std", "min", "max");
+      std::printf("%-22s %7s %10s %10s %10s %10s %10s %10s\n", "", "pairs", "rmse", "mean", "median", "std", "min",
+                  "max");
       print_row("ATE [m]", ate.statistics);
       print_row(("RPE " + delta + " [m]").c_str(), rpe.translation);
       print_row(("RPE " + delta + " [deg]").c_str(), rpe.rotation_deg);

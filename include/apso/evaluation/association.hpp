@@ -90,7 +90,8 @@ inline void expects_stamps(const std::vector<double>& stamps, const char* messag
 }
 
 /// Association of evo 1.x (`evo_ape tum`): for every stamp of the shorter list (the second one when both are equally
-/// long) the nearest stamp of the longer list, if it is not farther than max_difference. Not one-to-one: a stamp of the longer list may be used twice.
+/// long) the nearest stamp of the longer list, if it is not farther than max_difference. Not one-to-one: a stamp of the
+/// longer list may be used twice.
 /// \param first,second strictly increasing timestamps [s]
 /// \param max_difference pairs must not be farther apart than this [s]
 /// \param offset_second added to the stamps of the second list [s]

@@ -1,9 +1,9 @@
 /// \file
 /// The text files of the TUM RGB-D benchmark: trajectories, lists of images, associations.
 ///
-/// Common rules, those of the benchmark's own scripts: lines that begin with '#' and blank lines are skipped, fields are
-/// separated by blanks, tabs or commas. Line ends of Windows and a byte order mark are accepted. Numbers are read and
-/// written with a decimal point whatever the locale.
+/// Common rules, those of the benchmark's own scripts: lines that begin with '#' and blank lines are skipped,
+/// fields are separated by blanks, tabs or commas. Line ends of Windows and a byte order mark are accepted.
+/// Numbers are read and written with a decimal point whatever the locale.
 #pragma once
 
 #include <algorithm>
@@ -157,7 +157,8 @@ void sort_by_time(std::vector<T>& rows, Stamp&& stamp, const std::string& path, 
   const auto last =
       std::unique(rows.begin(), rows.end(), [&](const T& a, const T& b) { return stamp(a) == stamp(b); });
   if (last != rows.end()) {
-    warn(warnings, path + ": " + std::to_string(rows.end() - last) + " repeated timestamp(s), the first of each is kept");
+    const std::string count = std::to_string(rows.end() - last);
+    warn(warnings, path + ": " + count + " repeated timestamp(s), the first of each is kept");
     rows.erase(last, rows.end());
   }
 }
@@ -251,7 +252,8 @@ inline void write_trajectory(const std::string& path, const Trajectory& trajecto
   return list;
 }
 
-/// Reads an association file, lines of `timestamp rgb_file timestamp depth_file`, sorted by the time of the colour image.
+/// Reads an association file, lines of `timestamp rgb_file timestamp depth_file`, sorted by the time of the colour
+/// image.
 /// \throws io_error when the file cannot be read, a line is malformed, or the list is empty
 [[nodiscard]] inline std::vector<ImageAssociation> read_associations(const std::string& path,
                                                                      std::vector<std::string>* warnings = nullptr) {
