@@ -1,0 +1,95 @@
+#include <cmath>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include <apso/math/robust_kernel.hpp>
+
+using namespace apso;
+
+namespace {
+const KernelKind kAll[] = {KernelKind::L2,     KernelKind::Huber, KernelKind::PseudoHuber, KernelKind::Fair,
+                           KernelKind::Cauchy, KernelKind::GemanMcClure, KernelKind::Welsch, KernelKind::Tukey,
+                           KernelKind::StudentT, KernelKind::TruncatedL2, KernelKind::Barron};
+}
+
+TEST_CASE("rho is the integral of s w(s), and its derivative is s w(s)") {
+  for (const KernelKind kind : kAll) {
+    for (const double alpha : {2.0, 1.0, 0.0, -2.0, -1000.0}) {
+      if (kind != KernelKind::Barron && alpha != 0.0) continue;
+      const RobustKernel k{kind, 0, alpha};
+      double integral = 0;
+      const double h = 1e-4;
+      for (int i = 0; i < 60000; ++i) integral += h * (i + .5) * h * k.weight((i + .5) * h);
+      CAPTURE(enum_names(kind)[static_cast<std::size_t>(kind)]);
+      CHECK(k.rho(6.0) == doctest::Approx(integral).epsilon(1e-4));
+      for (const double s : {.05, .5, 1.1, 2.2, 4.0}) {
+        const double d = (k.rho(s + 1e-5) - k.rho(s - 1e-5)) / 2e-5;
+        CHECK(d == doctest::Approx(s * k.weight(s)).epsilon(1e-6));
+        CHECK(k.rho(-s) == k.rho(s));
+      }
+      CHECK(k.rho(0.0) == 0.0);
+    }
+  }
+}
+
+TEST_CASE("weights match hand-computed values") {
+  struct Row {
+    KernelKind kind;
+    double w[4];
+  };
+  const Row rows[] = {{KernelKind::Huber, {1, 1, .448333, .1345}},
+                      {KernelKind::PseudoHuber, {.932136, .789673, .394278, .127657}},
+                      {KernelKind::Fair, {.736814, .583299, .318151, .122792}},
+                      {KernelKind::Cauchy, {.957896, .850473, .387244, .053817}},
+                      {KernelKind::GemanMcClure, {.966034, .873906, .377572, .015737}},
+                      {KernelKind::Welsch, {.972325, .893811, .364093, .000013}},
+                      {KernelKind::Tukey, {.977351, .910960, .348077, 0}},
+                      {KernelKind::StudentT, {1.142857, 1, .428571, .057143}}};
+  const double s[] = {.5, 1, 3, 10};
+  for (const Row& row : rows) {
+    for (int i = 0; i < 4; ++i) CHECK(std::abs(RobustKernel{row.kind}.weight(s[i]) - row.w[i]) < 1e-6);
+  }
+}
+
+TEST_CASE("constants give the stated efficiency") {
+  for (const KernelKind kind : {KernelKind::PseudoHuber, KernelKind::Fair, KernelKind::Cauchy, KernelKind::GemanMcClure,
+                                KernelKind::Welsch, KernelKind::Tukey, KernelKind::Huber}) {
+    CHECK(gaussian_efficiency(RobustKernel{kind}) == doctest::Approx(.95).epsilon(1e-3));
+  }
+  const double k[] = {.2, .4, .8, 1.6};
+  const double ek[] = {.268, .457, .690, .885};
+  for (int i = 0; i < 4; ++i) CHECK(std::abs(gaussian_efficiency({KernelKind::Cauchy, k[i]}) - ek[i]) < 6e-4);
+  const double nu[] = {2, 3, 4, 5, 6, 8};
+  const double en[] = {.857, .901, .926, .942, .953, .967};
+  for (int i = 0; i < 6; ++i) CHECK(std::abs(gaussian_efficiency({KernelKind::StudentT, nu[i]}) - en[i]) < 6e-4);
+  const double alpha[] = {1, .5, 0, -1, -2, -4};
+  const double c[] = {1.287, 1.552, 1.686, 1.824, 1.894, 1.965};
+  for (int i = 0; i < 6; ++i) {
+    CHECK(std::abs(gaussian_efficiency({KernelKind::Barron, c[i], alpha[i]}) - .95) < 1e-3);
+  }
+}
+
+TEST_CASE("limits of Barron's family are the kernels they should be") {
+  for (const double s : {.3, 1.0, 5.0}) {
+    CHECK(RobustKernel{KernelKind::Barron, 1.5, 2}.rho(s) == doctest::Approx(s * s / 2));
+    CHECK(RobustKernel{KernelKind::Barron, 1.5, 0}.rho(s) ==
+          doctest::Approx(RobustKernel{KernelKind::Cauchy, 1.5 * std::sqrt(2.0)}.rho(s)));
+    CHECK(RobustKernel{KernelKind::Barron, 1.5, -1e5}.rho(s) ==
+          doctest::Approx(RobustKernel{KernelKind::Welsch, 1.5 * std::sqrt(2.0)}.rho(s)));
+    CHECK(RobustKernel{KernelKind::Barron, 1.5, 1e-3}.rho(s) ==
+          doctest::Approx(RobustKernel{KernelKind::Barron, 1.5, 0}.rho(s)).epsilon(1e-2));
+  }
+}
+
+TEST_CASE("alpha follows the tails of the residuals") {
+  std::mt19937 rng(1);
+  std::normal_distribution<float> gauss;
+  std::vector<float> clean(500);
+  for (float& s : clean) s = gauss(rng);
+  std::vector<float> dirty = clean;
+  for (std::size_t i = 0; i < dirty.size(); i += 3) dirty[i] *= 8;
+  CHECK(best_barron_alpha(clean.data(), clean.size(), 1.0) > best_barron_alpha(dirty.data(), dirty.size(), 1.0));
+}

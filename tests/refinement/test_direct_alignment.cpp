@@ -1,0 +1,257 @@
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include <apso/refinement/align.hpp>
+#include <apso/refinement/refiner.hpp>
+
+#include "room.hpp"
+
+using namespace apso;
+
+namespace {
+struct Pair {
+  Pinhole camera = room::camera();
+  FramePyramid reference, current;
+  PyramidOptions options;
+  Pair() { options.finest = 0, options.levels = 3; }
+  void set(const room::Frame& r, const room::Frame& c, bool masks = false) {
+    reference.build(r.view(), camera, masks ? r.probability.view() : ImageView<float>{}, options);
+    current.build(c.view(), camera, masks ? c.probability.view() : ImageView<float>{}, options);
+  }
+};
+}  // namespace
+
+TEST_CASE("derivatives of both residuals equal central differences") {
+  // Intensity and depth linear in the pixel: bilinear reading and central differences of the grid are both exact.
+  const Pinhole cam{100, 110, 31.5, 23.5, 64, 48};
+  const auto intensity = [](const Eigen::Vector2d& u) { return .2 + .004 * u.x() + .003 * u.y(); };
+  const auto depth = [](const Eigen::Vector2d& u) { return 2 + .005 * u.x() - .004 * u.y(); };
+  room::Frame f;
+  f.intensity.resize(64, 48);
+  f.depth.resize(64, 48);
+  for (int y = 0; y < 48; ++y) {
+    for (int x = 0; x < 64; ++x) {
+      f.intensity(x, y) = static_cast<float>(intensity({x, y}));
+      f.depth(x, y) = static_cast<float>(depth({x, y}));
+    }
+  }
+  PyramidOptions po;
+  po.finest = 0;
+  po.levels = 1;
+  FramePyramid p;
+  p.build(f.view(), cam, {}, po);
+  const Pose T = room::pose(.01, -.02, .015, .5, -.4, .3);
+  const PixelList& list = p.level(0).pixels;
+  WarpedPixels out;
+  out.resize(static_cast<std::size_t>(list.padded()));
+  const NoiseOptions noise;
+  const WarpCounts n = warp_pixels(list, p.level(0), T, {}, noise, 1.0F, 0, list.padded(), out);
+  REQUIRE(n.valid > 500);
+  int checked = 0;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(list.count); i += 37) {
+    if (!(out.wd[i] > 0)) continue;
+    const Eigen::Vector3d X(static_cast<double>(list.x[i]), static_cast<double>(list.y[i]), static_cast<double>(list.z[i]));
+    const Eigen::Vector3d Y = T * X;
+    const Eigen::Vector2d u = cam.project(Y);
+    if (!cam.contains(u.x(), u.y(), 3)) continue;
+    const double si = static_cast<double>(intensity_sigma(noise, .004F, .003F));
+    const double sd = static_cast<double>(
+        depth_residual_sigma(noise, static_cast<float>(depth(u)), static_cast<float>(Y.z()), .005F, -.004F));
+    const Eigen::Vector3d a(static_cast<double>(out.ai0[i]), static_cast<double>(out.ai1[i]), static_cast<double>(out.ai2[i]));
+    const Eigen::Vector3d d(static_cast<double>(out.ad0[i]), static_cast<double>(out.ad1[i]), static_cast<double>(out.ad2[i]));
+    Twist ji, jd, ni, nd;
+    ji.head<3>() = a * si;
+    ji.tail<3>() = Y.cross(a) * si;
+    jd.head<3>() = d * sd;
+    jd.tail<3>() = Y.cross(d) * sd;
+    Twist gi, gd;  // the same formula in double
+    const Eigen::Matrix<double, 2, 3> Jp = cam.project_jacobian(Y);
+    const Eigen::Vector3d ea = Jp.transpose() * Eigen::Vector2d(.004, .003);
+    const Eigen::Vector3d ed = Jp.transpose() * Eigen::Vector2d(.005, -.004) - Eigen::Vector3d::UnitZ();
+    gi << ea, Y.cross(ea);
+    gd << ed, Y.cross(ed);
+    for (int k = 0; k < 6; ++k) {
+      Twist e = Twist::Zero();
+      e(k) = 1e-5;
+      const Eigen::Vector3d plus = se3_exp(e) * Y;
+      const Eigen::Vector3d minus = se3_exp(-e) * Y;
+      ni(k) = (intensity(cam.project(plus)) - intensity(cam.project(minus))) / 2e-5;
+      nd(k) = (depth(cam.project(plus)) - plus.z() - depth(cam.project(minus)) + minus.z()) / 2e-5;
+    }
+    CHECK((gi - ni).norm() < 1e-6 * ni.norm());  // the formula
+    CHECK((gd - nd).norm() < 1e-6 * nd.norm());
+    CHECK((ji - ni).norm() < 1e-3 * ni.norm());  // what the float loop makes of it
+    CHECK((jd - nd).norm() < 1e-3 * nd.norm());
+    ++checked;
+  }
+  CHECK(checked > 10);
+}
+
+TEST_CASE("identical frames do not move") {
+  Pair p;
+  const room::Frame f = room::render(p.camera, Pose::Identity(), {}, 1);
+  p.set(f, f);
+  DirectAligner aligner;
+  const AlignmentResult r = aligner.align({{&p.reference, Pose::Identity(), 1}}, p.current, {Pose::Identity()});
+  REQUIRE(succeeded(r.status));
+  CHECK(se3_log(r.T_world_camera).norm() < 1e-6);
+  CHECK(direct_confidence(r, .65, 1.1) > .9);
+  CHECK(direct_confidence(r, 0, 1.1) == 0);
+}
+
+TEST_CASE("frames of different places are refused") {
+  Pair p;
+  p.set(room::render(p.camera, Pose::Identity()), room::render(p.camera, room::pose(0, 0, 0, 0, 180, 0)));
+  const Pose guess = room::pose(0, 0, 0, 0, 180, 0);
+  DirectAligner aligner;
+  const AlignmentResult r = aligner.align({{&p.reference, Pose::Identity(), 1}}, p.current, {guess});
+  CHECK_FALSE(succeeded(r.status));
+  CHECK((r.T_world_camera.matrix() - guess.matrix()).norm() == 0);
+  CHECK(direct_confidence(r, .65, 1.1) == 0);
+}
+
+TEST_CASE("a bare wall leaves at least three directions at the guess") {
+  Pair p;
+  room::Frame a, b;
+  for (room::Frame* f : {&a, &b}) {
+    f->intensity.assign(p.camera.width, p.camera.height, .5F);
+    f->depth.assign(p.camera.width, p.camera.height, f == &a ? 2.0F : 1.97F);
+  }
+  p.set(a, b);
+  const Pose guess = room::pose(.02, -.03, 0, 0, 0, 1);
+  DirectAligner aligner;
+  const AlignmentResult r = aligner.align({{&p.reference, Pose::Identity(), 1}}, p.current, {guess});
+  CHECK(r.status == Status::Degenerate);
+  CHECK(r.degenerate_count >= 3);
+  CHECK(r.T_world_camera.translation().x() == doctest::Approx(.02).epsilon(.01));
+  CHECK(r.T_world_camera.translation().y() == doctest::Approx(-.03).epsilon(.01));
+  CHECK(std::abs(r.T_world_camera.translation().z() - .03) < 1e-3);
+  CHECK(rotation_angle(r.T_world_camera) * 180 / 3.14159265 == doctest::Approx(1).epsilon(.01));
+}
+
+TEST_CASE("two copies of a reference: the same pose with half the covariance, and every run the same") {
+  Pair p;
+  const Pose truth = room::pose(.02, .01, -.02, .5, -1, .3);
+  p.set(room::render(p.camera, Pose::Identity(), {}, 1), room::render(p.camera, truth, {}, 2));
+  DirectAligner aligner;
+  const AlignmentReference one{&p.reference, Pose::Identity(), 1};
+  const AlignmentResult a = aligner.align({one}, p.current, {Pose::Identity()});
+  const AlignmentResult b = aligner.align({one, one}, p.current, {Pose::Identity()});
+  DirectAligner fresh;
+  const auto backwards = [](int n, auto&& f) {
+    for (int i = n - 1; i >= 0; --i) f(i);
+  };
+  const AlignmentResult c = fresh.align({one}, p.current, {Pose::Identity()}, backwards);
+  REQUIRE(succeeded(a.status));
+  CHECK(room::translation_error(a.T_world_camera, truth) < 2e-3);
+  CHECK((a.T_world_camera.matrix() - b.T_world_camera.matrix()).norm() < 1e-6);
+  CHECK((a.covariance - 2 * b.covariance).norm() < 1e-4 * a.covariance.norm());
+  CHECK((a.T_world_camera.matrix().array() == c.T_world_camera.matrix().array()).all());
+  CHECK((a.information.array() == c.information.array()).all());
+}
+
+TEST_CASE("recovers from 5 cm and 2 degrees with a masked moving slab over 40 % of the image") {
+  Pair p;
+  std::vector<double> errors;
+  for (int k = 0; k < 5; ++k) {
+    const double a = 1.3 * k;
+    const Pose truth = room::pose(.05 * std::cos(a), .03 * std::sin(a), .04 * std::sin(a), std::cos(a), 1.7 * std::sin(a), .3);
+    const room::Slab before{true, -.60, .75, 1.5};
+    const room::Slab after{true, -.48, .75, 1.5};
+    const room::Frame r = room::render(p.camera, Pose::Identity(), before, 1);
+    const room::Frame c = room::render(p.camera, truth, after, 2);
+    CHECK(c.dynamic_share > .35);
+    p.set(r, c, true);
+    DirectAligner aligner;
+    const AlignmentResult result = aligner.align({{&p.reference, Pose::Identity(), 1}}, p.current, {Pose::Identity()});
+    CHECK(succeeded(result.status));
+    errors.push_back(room::translation_error(result.T_world_camera, truth));
+  }
+  std::sort(errors.begin(), errors.end());
+  CHECK(errors[2] < .003);
+  CHECK(errors[4] < .03);
+}
+
+TEST_CASE("broken input never becomes NaN") {
+  Pair p;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float inf = std::numeric_limits<float>::infinity();
+  const room::Frame good = room::render(p.camera, Pose::Identity(), {}, 1);
+  for (const float bad : {nan, inf, -inf, 0.0F, -1.0F}) {
+    for (const int every : {1, 7}) {
+      room::Frame f = good;
+      for (std::size_t i = 0; i < f.depth.size(); i += static_cast<std::size_t>(every)) {
+        f.depth.data()[i] = bad;
+        f.intensity.data()[i] = bad;
+        f.probability.data()[i] = bad;
+      }
+      p.set(good, f, true);
+      DirectAligner aligner;
+      const AlignmentResult r = aligner.align({{&p.reference, Pose::Identity(), 1}}, p.current, {Pose::Identity()});
+      CHECK(is_finite(r.T_world_camera));
+      CHECK(r.covariance.allFinite());
+      CHECK(r.information.allFinite());
+      CHECK(std::isfinite(r.cost));
+      CHECK(std::isfinite(direct_confidence(r, .65, 1.1)));
+      if (every == 1) CHECK_FALSE(succeeded(r.status));
+    }
+  }
+}
+
+TEST_CASE("one call aligns images of any type") {
+  const Pinhole cam = room::camera(320);
+  const Pose truth = room::pose(.02, -.01, .02, .5, -.7, .3);
+  const room::Frame r = room::render(cam, Pose::Identity());
+  const room::Frame c = room::render(cam, truth);
+  Image<std::uint8_t> i8(cam.width, cam.height);
+  for (std::size_t i = 0; i < i8.size(); ++i) {
+    i8.data()[i] = static_cast<std::uint8_t>(std::lround(255 * std::clamp(r.intensity.data()[i], 0.0F, 1.0F)));
+  }
+  const PairAlignment a = align(i8, r.depth, c.intensity.view(), c.depth.view(), cam);
+  REQUIRE(succeeded(a.status));
+  CHECK(room::translation_error(inverse(a.T_current_reference), truth) < 2e-3);
+  CHECK(a.confidence > .5);
+}
+
+TEST_CASE("the refiner pulls a wrong feature pose to the truth, and keeps its hands off without a mask") {
+  const Pinhole cam = room::camera(320);
+  RefinerOptions o;
+  o.pyramid.finest = 0;
+  Refiner refiner(cam, o);
+  Refiner::Input in;
+  const room::Frame empty = room::render(cam, Pose::Identity());
+  in.frame = empty.view(0);
+  CHECK(refiner.refine(in).status == Status::NoReference);
+  refiner.reset();
+  Pose last = Pose::Identity();
+  for (int i = 0; i < 8; ++i) {
+    last = room::pose(.01 * i, 0, .005 * i, 0, .3 * i, 0);
+    const room::Frame f = room::render(cam, last, {}, static_cast<unsigned>(i + 1));
+    refiner.remember(f.view(i / 30.0), f.probability, last);
+  }
+  CHECK(refiner.memory().size() >= 2);
+  const Pose truth = room::pose(.08, 0, .04, 0, 2.4, 0);
+  const room::Frame f = room::render(cam, truth, {}, 99);
+  in.frame = f.view(8 / 30.0);
+  in.T_world_feature = truth * room::pose(.04, .02, 0, 1, 0, 0);
+  in.T_world_predicted = truth * room::pose(.01, 0, 0, 0, 0, 0);
+  in.T_world_previous = last;
+  in.S_change = 1;
+  const Refinement r = refiner.refine(in);
+  CHECK(succeeded(r.status));
+  CHECK(r.references >= 2);
+  CHECK(r.c_dir > .5);
+  CHECK(room::translation_error(r.T_world_direct, truth) < .003);
+  CHECK(room::translation_error(r.T_world_camera, truth) < .5 * room::translation_error(in.T_world_feature, truth));
+  in.dynamic_ratio = .5;
+  CHECK(refiner.refine(in).status == Status::NoMask);
+  CHECK((refiner.refine(in).T_world_camera.matrix() - in.T_world_feature.matrix()).norm() == 0);
+  in.dynamic_ratio = 0;
+  in.feature_ok = false;
+  CHECK(refiner.refine(in).w_eff == 0);
+}
