@@ -23,7 +23,7 @@ APSO_NAMESPACE_BEGIN
 
 struct BackgroundRegistrationOptions {
   int iterations = 5;              ///< Gauss-Newton steps
-  int stride = 2;                  ///< use every stride-th row and column of the small depth image
+  int stride = 3;                  ///< use every stride-th row and column of the small depth image
   double gate = 0.15;              ///< largest distance to the plane in the first step [m]; ends at a third of it
   double sigma_translation = 0.03; ///< standard deviation of the prior [m]
   double sigma_rotation = 0.015;   ///< standard deviation of the prior [rad]

@@ -92,14 +92,16 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
   const auto sigmas = static_cast<float>(options.sigmas);
 
   ViewComparison result;
+  const float ifx = 1.0F / fx;
+  const Eigen::Vector3f step = R.col(0) * ifx;
   for (int y = 0; y < h; ++y) {
     const float* z = depth.row(y);
     float* vote = votes.row(y);
-    const Eigen::Vector3f row = R.col(1) * ((static_cast<float>(y) - cy) / fy) + R.col(2);
+    const Eigen::Vector3f row = R.col(1) * ((static_cast<float>(y) - cy) / fy) + R.col(2) - R.col(0) * (cx * ifx);
     for (int x = 0; x < w; ++x) {
       vote[x] = 0;
       if (!(z[x] > 0)) continue;
-      const Eigen::Vector3f p = z[x] * (R.col(0) * ((static_cast<float>(x) - cx) / fx) + row) + t;
+      const Eigen::Vector3f p = z[x] * (static_cast<float>(x) * step + row) + t;
       if (!(p.z() > 0.05F)) continue;
       const float iz = 1.0F / p.z();
       const float u = fx * p.x() * iz + cx + 0.5F;
@@ -109,9 +111,8 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
       const int iv = static_cast<int>(v);
       const float nearest = reference.limits.nearest(iu, iv);
       if (!(nearest > 0)) continue;
-      const float s1 = depth_sigma(z[x]);
-      const float s2 = depth_sigma(reference.depth(iu, iv));
-      const float tau = std::max(least, sigmas * std::sqrt(s1 * s1 + s2 * s2)) + slack;
+      // both depths have about this noise where the answer is close
+      const float tau = std::max(least, sigmas * 1.41421356F * depth_sigma(std::max(p.z(), nearest))) + slack;
       ++result.seen;
       const bool was_dynamic = reference.dynamic(iu, iv) != 0;
       if (p.z() < nearest - tau) {

@@ -37,6 +37,7 @@ struct GeometricMotionOptions {
   bool correct_prior = true;      ///< register the background first, to take the error out of the pose prior
   BackgroundRegistrationOptions registration;
   double flow_residual = 3.0;     ///< a track this far from its static prediction is moving [px]
+  double flow_span = 0.15;        ///< ... and looks back this long, for tracks that live so long [s]
   double persistence = 0.75;      ///< share of the past log-odds that is kept per frame where there is new evidence
   double hold = 1.0;              ///< time constant of the past log-odds where there is no new evidence [s]
   double threshold = 1.0;         ///< log-odds from which a pixel is dynamic
@@ -56,6 +57,7 @@ struct GeometricMotionOptions {
     v("correct_prior", s.correct_prior);
     v("registration", s.registration);
     v("flow_residual", s.flow_residual, 0.1, 1000.0);
+    v("flow_span", s.flow_span, 0.0, 10.0);
     v("persistence", s.persistence, 0.0, 0.99);
     v("hold", s.hold, 1e-3, 60.0);
     v("threshold", s.threshold, 0.01, 4.0);
@@ -115,6 +117,7 @@ class GeometricMotion {
       label();
     }
     write(frame.depth.width, frame.depth.height, out);
+    keep_tracks(tracks);
     previous_depth_ = depth_;
     previous_log_odds_ = log_odds_;
     previous_pose_ = refined_;
@@ -133,6 +136,7 @@ class GeometricMotion {
       reduce_depth(frame.depth, factor_, options_.depth, small_.width, small_.height, depth_);
     } else {
       previous_pose_ = T_world_camera;
+      if (!history_.empty()) history_.back().T_world_camera = T_world_camera;
     }
     if (!references_.empty() && time_ - references_.back().time < options_.interval) return;
     DepthReference r;
@@ -153,6 +157,7 @@ class GeometricMotion {
   /// Forgets everything.
   void reset() {
     while (!references_.empty()) drop(0);
+    history_.clear();
     has_previous_ = false;
     observed_ = nullptr;
     time_ = stamp_ = 0;
@@ -260,19 +265,28 @@ class GeometricMotion {
     const auto keep_evidence = static_cast<float>(options_.persistence);
     const auto keep_blind = static_cast<float>(std::exp(-dt / options_.hold));
     const Pose T = inverse(previous_pose_) * refined_;
+    const Eigen::Matrix3f R = T.linear().cast<float>();
+    const Eigen::Vector3f t = T.translation().cast<float>();
+    const auto fx = static_cast<float>(small_.fx);
+    const auto fy = static_cast<float>(small_.fy);
+    const auto cx = static_cast<float>(small_.cx);
+    const auto cy = static_cast<float>(small_.cy);
     for (int y = 0; y < h; ++y) {
       for (int x = 0; x < w; ++x) {
         const float z = depth_(x, y);
         float past = 0;
         if (has_previous_ && z > 0) {
-          const Eigen::Vector3d p = T * small_.unproject(x, y, static_cast<double>(z));
-          if (p.z() > 0.05) {
-            const Eigen::Vector2d u = small_.project(p);
-            const int iu = static_cast<int>(std::lround(std::clamp(u.x(), -9.0, w + 9.0)));
-            const int iv = static_cast<int>(std::lround(std::clamp(u.y(), -9.0, h + 9.0)));
-            if (iu >= 0 && iv >= 0 && iu < w && iv < h &&
-                std::abs(previous_depth_(iu, iv) - static_cast<float>(p.z())) < 0.1F + 3.0F * depth_sigma(z)) {
-              past = previous_log_odds_(iu, iv);
+          const Eigen::Vector3f ray((static_cast<float>(x) - cx) / fx, (static_cast<float>(y) - cy) / fy, 1.0F);
+          const Eigen::Vector3f p = z * (R * ray) + t;
+          if (p.z() > 0.05F) {
+            const float u = fx * p.x() / p.z() + cx + 0.5F;
+            const float v = fy * p.y() / p.z() + cy + 0.5F;
+            if (u >= 0 && v >= 0 && u < static_cast<float>(w) && v < static_cast<float>(h)) {
+              const int iu = static_cast<int>(u);
+              const int iv = static_cast<int>(v);
+              if (std::abs(previous_depth_(iu, iv) - p.z()) < 0.1F + 3.0F * depth_sigma(z)) {
+                past = previous_log_odds_(iu, iv);
+              }
             }
           }
         }
@@ -286,9 +300,22 @@ class GeometricMotion {
     }
   }
 
+  // Tracks are compared with where they were some frames ago: the motion of a walking person adds up, noise does not.
   void add_flow_seeds(const std::vector<PointTrack>& tracks) {
-    if (!has_previous_) return;
-    flow_seeds(tracks, camera_, inverse(refined_) * previous_pose_, previous_depth_, factor_, options_.flow_residual,
+    if (history_.empty()) return;
+    const TrackSnapshot& past = history_.front();
+    spans_.clear();
+    for (const PointTrack& t : tracks) {
+      const auto it = std::lower_bound(past.points.begin(), past.points.end(), t.id,
+                                       [](const TrackPoint& p, std::int64_t id) { return p.id < id; });
+      if (it == past.points.end() || it->id != t.id) continue;
+      PointTrack span = t;
+      span.previous_x = it->x;
+      span.previous_y = it->y;
+      span.age = 1;
+      spans_.push_back(span);
+    }
+    flow_seeds(spans_, camera_, inverse(refined_) * past.T_world_camera, past.depth, factor_, options_.flow_residual,
                residuals_, seeds_);
     for (const FlowSeed& s : seeds_) {
       const int x = static_cast<int>((s.x + 0.5F) / static_cast<float>(factor_));
@@ -299,10 +326,26 @@ class GeometricMotion {
       for (int j = std::max(0, y - 2); j <= std::min(small_.height - 1, y + 2); ++j) {
         for (int i = std::max(0, x - 2); i <= std::min(small_.width - 1, x + 2); ++i) {
           if (std::abs(depth_(i, j) - z) > same_surface(z)) continue;
-          log_odds_(i, j) = std::min(5.0F, log_odds_(i, j) + 1.0F);
+          log_odds_(i, j) = std::min(5.0F, std::max(log_odds_(i, j), -0.5F) + 0.75F);
         }
       }
     }
+  }
+
+  void keep_tracks(const std::vector<PointTrack>& tracks) {
+    TrackSnapshot s;
+    while (!history_.empty() &&
+           (history_.size() >= kMostSnapshots || time_ - history_.front().time > options_.flow_span)) {
+      s = std::move(history_.front());  // its buffers are used again
+      history_.erase(history_.begin());
+    }
+    s.time = time_;
+    s.T_world_camera = refined_;
+    s.depth = depth_;
+    s.points.clear();
+    for (const PointTrack& t : tracks) s.points.push_back({t.id, t.x, t.y});
+    std::sort(s.points.begin(), s.points.end(), [](const TrackPoint& a, const TrackPoint& b) { return a.id < b.id; });
+    history_.push_back(std::move(s));
   }
 
   void label() {
@@ -389,6 +432,19 @@ class GeometricMotion {
     for (std::size_t i = 0; i < out.size(); ++i) out.data()[i] = out.data()[i] != 0 ? 0 : 1;
   }
 
+  struct TrackPoint {
+    std::int64_t id;
+    float x;
+    float y;
+  };
+  struct TrackSnapshot {
+    double time = 0;
+    Pose T_world_camera = Pose::Identity();
+    Image<float> depth;
+    std::vector<TrackPoint> points;  // sorted by id
+  };
+  static constexpr std::size_t kMostSnapshots = 8;
+
   Pinhole camera_;
   Pinhole small_;
   GeometricMotionOptions options_;
@@ -414,6 +470,8 @@ class GeometricMotion {
   std::vector<std::uint8_t> dilation_scratch_;
   std::vector<float> residuals_;
   std::vector<FlowSeed> seeds_;
+  std::vector<PointTrack> spans_;
+  std::vector<TrackSnapshot> history_;  // oldest first
   std::vector<int> columns_;
   std::vector<int> nearest_;
   std::vector<float> shares_;
