@@ -1,0 +1,14 @@
+# Programs that must not compile, with the sentence the compiler has to show in its first ten lines (the first line of
+# each file). Compiled with -DCONTROL each of them is correct, so it is the mistake that fails and nothing else.
+find_program(APSO_GXX g++)
+find_program(APSO_CLANGXX clang++)
+get_target_property(_eigen Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
+foreach(_compiler IN ITEMS GXX CLANGXX)
+  if(APSO_${_compiler})
+    string(TOLOWER compile_fail_${_compiler} _name)
+    add_test(NAME ${_name} COMMAND ${CMAKE_COMMAND} -DCOMPILER=${APSO_${_compiler}} -DINCLUDE=${PROJECT_SOURCE_DIR}/include
+                                   -DEIGEN=${_eigen} -DCASES=${CMAKE_CURRENT_LIST_DIR}
+                                   -P ${CMAKE_CURRENT_LIST_DIR}/check.cmake)
+    set_tests_properties(${_name} PROPERTIES TIMEOUT 600)
+  endif()
+endforeach()

@@ -1,0 +1,21 @@
+# Rules about the headers as files: what may include what, that each compiles alone, and that no warning appears.
+set(_rules ${CMAKE_CURRENT_LIST_DIR}/check_rules.cmake)
+add_test(NAME headers_rules COMMAND ${CMAKE_COMMAND} -DROOT=${PROJECT_SOURCE_DIR} -P ${_rules})
+
+get_target_property(_eigen Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
+find_program(APSO_GXX g++)
+find_program(APSO_CLANGXX clang++)
+# Alone: one compilation per header. Together: all headers in one file, twice, with and without exceptions.
+foreach(_job IN ITEMS GXX:17:alone GXX:20:together CLANGXX:17:together CLANGXX:20:alone)
+  string(REPLACE ":" ";" _job ${_job})
+  list(GET _job 0 _compiler)
+  list(GET _job 1 _standard)
+  list(GET _job 2 _mode)
+  if(APSO_${_compiler})
+    string(TOLOWER headers_${_mode}_${_compiler}_${_standard} _name)
+    add_test(NAME ${_name}
+             COMMAND ${CMAKE_CURRENT_LIST_DIR}/syntax.sh ${APSO_${_compiler}} ${_standard} ${_mode}
+                     ${PROJECT_SOURCE_DIR}/include ${CMAKE_CURRENT_BINARY_DIR}/${_name} ${_eigen})
+    set_tests_properties(${_name} PROPERTIES TIMEOUT 600)
+  endif()
+endforeach()
