@@ -47,7 +47,7 @@ class FrameSource {
 class SyntheticSource final : public FrameSource {
  public:
   SyntheticSource(const std::string& name, const apso::testing::SyntheticOptions& options) : sequence_(name, options) {
-    for (int i = 0; i < sequence_.size(); ++i) truth_.push_back({sequence_.timestamp(i), sequence_.pose(i)});
+    for (int i = 0; i < sequence_.size(); ++i) truth_.push_back({sequence_.timestamp(i), sequence_.T_world_camera(i)});
   }
   int size() const override { return sequence_.size(); }
   const apso::Pinhole& camera() const override { return sequence_.camera(); }
@@ -60,7 +60,7 @@ class SyntheticSource final : public FrameSource {
     const cv::Mat rgb(frame_.depth.height(), frame_.depth.width(), CV_8UC3, frame_.rgb.data());
     cv::cvtColor(rgb, out.bgr, cv::COLOR_RGB2BGR);
     cv::cvtColor(rgb, out.gray, cv::COLOR_RGB2GRAY);
-    out.rgbd = {frame_.timestamp, frame_.intensity, frame_.depth};
+    out.rgbd = frame_.rgbd();
     return std::nullopt;
   }
   const apso::Trajectory& groundtruth() const override { return truth_; }
@@ -79,27 +79,26 @@ class RecordedSource final : public FrameSource {
  public:
   RecordedSource(const std::string& folder, const apso::opencv::CameraModel& camera) : sequence_(folder, camera) {
     warnings_ = sequence_.warnings();
-    const std::filesystem::path truth = std::filesystem::path(folder) / "groundtruth.txt";
-    if (std::filesystem::exists(truth)) truth_ = apso::read_trajectory(truth.string(), &warnings_);
+    if (!sequence_.groundtruth_path().empty()) truth_ = apso::read_trajectory(sequence_.groundtruth_path(), &warnings_);
   }
-  int size() const override { return static_cast<int>(sequence_.size()); }
+  int size() const override { return sequence_.size(); }
   const apso::Pinhole& camera() const override { return sequence_.camera().pinhole; }
   std::optional<std::string> load(int i, LoadedFrame& out) override {
-    if (std::optional<std::string> problem = sequence_.load(static_cast<std::size_t>(i), frame_)) return problem;
+    if (!sequence_.read(i, frame_)) return frame_.error;
     out.timestamp = frame_.timestamp;
-    out.name = sequence_.name(static_cast<std::size_t>(i));
+    out.name = std::filesystem::path(sequence_.colour_path(i)).stem().string();
     out.bgr = frame_.colour;
     out.gray = frame_.gray;
-    out.rgbd = {frame_.timestamp, frame_.intensity, frame_.depth};
+    out.rgbd = frame_.rgbd();
     return std::nullopt;
   }
   const apso::Trajectory& groundtruth() const override { return truth_; }
   const std::vector<std::string>& warnings() const override { return warnings_; }
-  double timestamp(int i) const override { return sequence_.timestamp(static_cast<std::size_t>(i)); }
+  double timestamp(int i) const override { return sequence_.timestamp(i); }
 
  private:
   apso::opencv::RgbdSequence sequence_;
-  apso::opencv::RgbdImages frame_;
+  apso::opencv::SequenceFrame frame_;
   apso::Trajectory truth_;
   std::vector<std::string> warnings_;
 };

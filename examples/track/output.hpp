@@ -17,6 +17,7 @@
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/io/tum_text.hpp>
 #include <apso/pipeline/pipeline.hpp>
+#include <apso/quality/explain.hpp>
 
 namespace track {
 
@@ -92,7 +93,7 @@ class FrameTable {
     optional(tried, d.alignment.valid_share);
     optional(tried, d.alignment.scale_intensity);
     optional(tried, d.alignment.scale_depth);
-    optional(tried, d.alignment.degenerate_directions);
+    optional(tried, d.alignment.degenerate_count);
     optional(tried, d.alignment.iterations);
     for (double v : {ms.load, ms.features, ms.observe, ms.assess, ms.refine, ms.map, ms.total()}) put(v);
     text("\"" + explain(a) + "\"");

@@ -86,9 +86,11 @@ inline void write_overview(const std::filesystem::path& out) {
 
 /// Ground truth moved into the frame of the estimate, for plotting; empty if too few poses match.
 inline apso::Trajectory aligned_truth(const apso::Trajectory& truth, const apso::Trajectory& estimate) {
-  const auto pairs = apso::associate_evo(truth, estimate);
-  if (pairs.size() < 3) return {};
-  const apso::Pose T_estimate_truth = apso::inverse(apso::ate(truth, estimate, pairs).T_groundtruth_estimate);
+  apso::AteOptions options;
+  options.association = apso::AssociationRule::Evo;
+  const apso::AteResult ate = apso::ate(truth, estimate, options);
+  if (!succeeded(ate.status)) return {};
+  const apso::Pose T_estimate_truth = apso::inverse(ate.T_groundtruth_estimate);
   apso::Trajectory moved;
   for (const auto& p : truth) {
     if (p.timestamp < estimate.front().timestamp || p.timestamp > estimate.back().timestamp) continue;

@@ -25,6 +25,16 @@ namespace opencv {
   return {220, 180, 60};
 }
 
+/// The mask as 8-bit image, 255 = dynamic (probability >= 0.5), 0 = the rest.
+inline void mask_to_8bit(const DynamicMask& mask, cv::Mat& out) {
+  const Image<float>& p = mask.probability;
+  out.create(p.height(), p.width(), CV_8UC1);
+  for (int y = 0; y < p.height(); ++y) {
+    uchar* row = out.ptr<uchar>(y);
+    for (int x = 0; x < p.width(); ++x) row[x] = p(x, y) >= 0.5F ? 255 : 0;
+  }
+}
+
 /// Draws what was observed and decided over a copy of the colour image (8-bit BGR).
 /// Dynamic pixels are red, objects boxed with identity and motion probability, static keypoints green dots.
 [[nodiscard]] inline cv::Mat draw_overlay(const cv::Mat& bgr, const Observation& observation,

@@ -29,18 +29,17 @@ inline const Observation& Pipeline::observe(const ObservationInput& input) {
   if (options_.motion) {
     motion_.observe(frame_, input.T_world_camera_prior, tracks, observation_.mask);
   } else {
-    observation_.mask.probability.assign(camera_.width, camera_.height, 0.0F);
-    observation_.mask.known.assign(camera_.width, camera_.height, 0);
+    set_unknown(camera_.width, camera_.height, observation_.mask);
   }
   if (!input.mask.empty()) {
-    mask_from_image(input.mask, external_);
-    combine_union(external_, observation_.mask);
+    mask_from_labels(input.mask, external_);
+    combine(external_, MaskCombination::Union, observation_.mask);
   } else if (!options_.motion && input.detections != nullptr) {
     // Without any motion cue a movable detection counts as moving (semantic prior, as in the paper).
-    mask_from_detections(detections, frame_.depth, external_);
-    combine_union(external_, observation_.mask);
+    mask_from_detections(detections, camera_.width, camera_.height, false, external_);
+    combine(external_, MaskCombination::Union, observation_.mask);
   }
-  objects_.update(observation_.mask, frame_.depth, detections, observation_.objects);
+  observation_.objects = objects_.update(observation_.mask, frame_.depth, detections);
   observation_.dynamic_ratio = dynamic_ratio(observation_.mask);
   return observation_;
 }

@@ -12,7 +12,7 @@
 
 APSO_NAMESPACE_BEGIN
 
-struct ConfidenceOptions {
+struct DirectConfidenceOptions {
   double u_low = 1.0;        ///< relative residual spread up to which the confidence is full
   double u_high = 2.25;      ///< and from which it is zero
   double min_valid_share = 0.3;
@@ -29,7 +29,7 @@ struct ConfidenceOptions {
 /// scaling by the residuals themselves it rises when the alignment fails.
 /// \param usual_intensity,usual_depth the scales on good frames; unset (<= 0) gives 0
 [[nodiscard]] inline double direct_confidence(const AlignmentResult& r, double usual_intensity, double usual_depth,
-                                              const ConfidenceOptions& o = {}) {
+                                              const DirectConfidenceOptions& o = {}) {
   if (!succeeded(r.status) || !(r.valid_share >= o.min_valid_share)) return 0;
   if (!(usual_intensity > 0) || !(usual_depth > 0) || !(r.scale_intensity > 0) || !(r.scale_depth > 0)) return 0;
   const double u = std::sqrt(r.scale_intensity / usual_intensity * (r.scale_depth / usual_depth));

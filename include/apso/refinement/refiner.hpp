@@ -26,7 +26,7 @@ struct RefinerOptions {
   AlignmentOptions alignment;
   MemoryOptions memory;
   BlendOptions blend;
-  ConfidenceOptions confidence;
+  DirectConfidenceOptions confidence;
   bool require_mask = true;             ///< no refinement of a dynamic frame when nobody knows what moves
   double dynamic_ratio_for_mask = 0.35; ///< dynamic ratio from which a mask is required
   double usual_scale_intensity = 0.65;  ///< start value of the running median on good frames

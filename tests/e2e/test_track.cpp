@@ -1,0 +1,206 @@
+// The programs from the outside: run them, read what they write, read what they say about bad input.
+#ifdef APSO_TRACK
+#include <doctest/doctest.h>
+
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <apso/io/tum_text.hpp>
+#include <apso/testing/synthetic.hpp>
+
+namespace fs = std::filesystem;
+using json = nlohmann::json;
+
+namespace {
+
+struct Folder {
+  fs::path path;
+  Folder() : path(fs::temp_directory_path() / ("apso_e2e_" + std::to_string(::getpid()))) {
+    fs::remove_all(path);
+    fs::create_directories(path);
+  }
+  ~Folder() { fs::remove_all(path); }
+};
+
+struct Outcome {
+  int code = -1;
+  std::string text;
+};
+
+Outcome run(const std::string& program, const std::string& arguments, const fs::path& folder) {
+  const std::string log = (folder / "log.txt").string();
+  const int status = std::system((program + " " + arguments + " > " + log + " 2>&1").c_str());
+  std::stringstream text;
+  text << std::ifstream(log).rdbuf();
+  return {WEXITSTATUS(status), text.str()};
+}
+
+json read_json(const fs::path& file) { return json::parse(std::ifstream(file)); }
+
+std::vector<std::string> split(const std::string& line) {
+  std::vector<std::string> fields(1);
+  bool quoted = false;
+  for (char c : line) {
+    if (c == '"') quoted = !quoted;
+    if (c == ',' && !quoted) {
+      fields.emplace_back();
+    } else {
+      fields.back() += c;
+    }
+  }
+  return fields;
+}
+
+/// Writes a short recording in TUM format.
+void write_recording(const fs::path& folder, int frames) {
+  fs::create_directories(folder / "rgb");
+  fs::create_directories(folder / "depth");
+  apso::testing::SyntheticOptions options;
+  const apso::testing::SyntheticSequence sequence("static_xyz", options);
+  apso::testing::SyntheticFrame frame;
+  std::ofstream rgb(folder / "rgb.txt"), depth(folder / "depth.txt"), truth(folder / "groundtruth.txt");
+  for (int i = 0; i < frames; ++i) {
+    sequence.render(i, frame);
+    char name[32];
+    std::snprintf(name, sizeof name, "%.6f", frame.timestamp);
+    cv::Mat bgr, depth16;
+    cv::cvtColor(cv::Mat(480, 640, CV_8UC3, frame.rgb.data()), bgr, cv::COLOR_RGB2BGR);
+    cv::Mat(480, 640, CV_32F, frame.depth.data()).convertTo(depth16, CV_16U, 5000.0);
+    cv::imwrite((folder / "rgb" / (std::string(name) + ".png")).string(), bgr);
+    cv::imwrite((folder / "depth" / (std::string(name) + ".png")).string(), depth16);
+    rgb << name << " rgb/" << name << ".png\n";
+    depth << name << " depth/" << name << ".png\n";
+    const Eigen::Vector3d t = frame.T_world_camera.translation();
+    const Eigen::Quaterniond q(Eigen::Matrix3d(frame.T_world_camera.linear()));
+    truth << name << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z() << ' '
+          << q.w() << '\n';
+  }
+}
+
+std::string nth_file(const fs::path& folder, int n) {
+  std::vector<std::string> files;
+  for (const auto& e : fs::directory_iterator(folder)) files.push_back(e.path().string());
+  std::sort(files.begin(), files.end());
+  return files.at(static_cast<std::size_t>(n));
+}
+
+}  // namespace
+
+TEST_CASE("apso_track runs the whole method on people walking, and apso_eval agrees with its summary") {
+  const Folder f;
+  const fs::path out = f.path / "out";
+  const Outcome o = run(APSO_TRACK, "synthetic:walking_xyz --max-frames 60 --quiet --write-masks --output " + out.string(), f.path);
+  INFO(o.text);
+  REQUIRE(o.code == 0);
+  for (const char* file : {"trajectory.txt", "trajectory_features.txt", "frames.csv", "summary.json", "trajectory.png",
+                           "scores.png", "contact_sheet.png", "overview.png"}) {
+    CAPTURE(file);
+    CHECK(fs::file_size(out / file) > 0);
+  }
+  const json summary = read_json(out / "summary.json");
+  CHECK(summary["frames"]["processed"] == 60);
+  CHECK(summary["frames"]["with_pose"] == 60);
+  CHECK(summary["final"]["ate"]["rmse"].get<double>() < 0.05);
+
+  std::ifstream table(out / "frames.csv");
+  std::string line;
+  std::getline(table, line);
+  const std::vector<std::string> header = split(line);
+  for (const char* name : {"frame", "timestamp", "state", "S_conf", "S_spatial", "S_feature", "S_depth", "S_total", "S_mc",
+                           "S_dc", "S_dec", "S_change", "dynamic_ratio", "W_base", "S_final", "th_differ", "w_eff", "c_dir",
+                           "references", "ms_total"}) {
+    CAPTURE(name);
+    CHECK(std::find(header.begin(), header.end(), name) != header.end());
+  }
+  int rows = 0;
+  while (std::getline(table, line)) {
+    CHECK(split(line).size() == header.size());
+    ++rows;
+  }
+  CHECK(rows == 60);
+
+  int masks = 0;
+  for (const auto& e : fs::directory_iterator(out / "masks")) {
+    const cv::Mat mask = cv::imread(e.path().string(), cv::IMREAD_UNCHANGED);
+    REQUIRE(mask.type() == CV_8UC1);
+    CHECK(cv::countNonZero(mask == 0) + cv::countNonZero(mask == 255) == 640 * 480);
+    ++masks;
+  }
+  CHECK(masks == 60);
+}
+
+TEST_CASE("two runs give the same bytes") {
+  const Folder f;
+  for (const char* name : {"a", "b"}) {
+    const Outcome o = run(APSO_TRACK, "synthetic:walking_halfsphere --max-frames 40 --quiet --output " + (f.path / name).string(), f.path);
+    REQUIRE(o.code == 0);
+  }
+  std::stringstream a, b;
+  a << std::ifstream(f.path / "a" / "trajectory.txt").rdbuf();
+  b << std::ifstream(f.path / "b" / "trajectory.txt").rdbuf();
+  CHECK(a.str() == b.str());
+}
+
+TEST_CASE("a recording with broken frames is tracked, and every broken frame is reported") {
+  const Folder f;
+  const fs::path in = f.path / "in";
+  write_recording(in, 14);
+  std::ofstream(nth_file(in / "rgb", 5), std::ios::trunc) << "not a picture";
+  fs::remove(nth_file(in / "depth", 7));
+  cv::imwrite(nth_file(in / "depth", 9), cv::Mat(480, 640, CV_8U, cv::Scalar(9)));
+  cv::imwrite(nth_file(in / "depth", 10), cv::Mat(240, 320, CV_16U, cv::Scalar(9000)));
+  const fs::path out = f.path / "out";
+  const Outcome o = run(APSO_TRACK, in.string() + " --camera tum-fr3 --quiet --output " + out.string(), f.path);
+  INFO(o.text);
+  REQUIRE(o.code == 0);
+  const json summary = read_json(out / "summary.json");
+  CHECK(summary["frames"]["skipped"] == 4);
+  CHECK(summary["skipped"].size() == 4);
+  CHECK(summary["frames"]["with_pose"] == 10);
+  CHECK(summary["final"]["ate"]["rmse"].get<double>() < 0.02);
+
+  const Outcome e = run(APSO_EVAL, "--json " + (in / "groundtruth.txt").string() + " " + (out / "trajectory.txt").string(), f.path);
+  REQUIRE(e.code == 0);
+  const json evaluation = json::parse(e.text);
+  CHECK(evaluation["ate"]["rmse"].get<double>() == doctest::Approx(summary["final"]["ate"]["rmse"].get<double>()).epsilon(1e-4));
+}
+
+TEST_CASE("bad input is named, and the exit code is not zero") {
+  const Folder f;
+  const std::string out = " --quiet --output " + (f.path / "out").string();
+  const auto fails = [&](const std::string& arguments, const std::string& expected) {
+    const Outcome o = run(APSO_TRACK, arguments + out, f.path);
+    CAPTURE(arguments);
+    CAPTURE(o.text);
+    CHECK(o.code != 0);
+    CHECK(o.text.find(expected) != std::string::npos);
+  };
+  fails((f.path / "nothing").string() + " --camera tum-fr1", "nothing");
+  fails("synthetic:dancing", "walking_xyz");
+  fails((f.path).string(), "--camera");
+  fails(f.path.string() + " --camera tum-fr9", "tum-fr3");
+  fails("synthetic:walking_xyz --threads 0", "--threads");
+  fails("synthetic:walking_xyz --motion crystal-ball", "geometric");
+  fails("synthetic:walking_xyz --masks " + (f.path / "no_masks").string(), "no_masks");
+  fails("synthetic:walking_xyz --detections " + (f.path / "no.txt").string(), "no.txt");
+  std::ofstream(f.path / "bad.yaml") << "pipeline:\n  assessor:\n    no_such_option: 1\n";
+  fails("synthetic:walking_xyz --config " + (f.path / "bad.yaml").string(), "bad.yaml:3");
+  std::ofstream(f.path / "bad.txt") << "1.0 2 3\n";
+  fails("synthetic:walking_xyz --detections " + (f.path / "bad.txt").string(), "bad.txt:1");
+  fs::create_directories(f.path / "empty");
+  std::ofstream(f.path / "empty" / "rgb.txt") << "# nothing\n";
+  std::ofstream(f.path / "empty" / "depth.txt") << "# nothing\n";
+  fails((f.path / "empty").string() + " --camera tum-fr1", "rgb.txt");
+}
+#endif
