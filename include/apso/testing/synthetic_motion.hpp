@@ -159,16 +159,16 @@ class Walker {
     scale_ = rng.uniform(0.95, 1.06);
     gait_ = rng.uniform(0, 2 * kPi);
     const double lane = people > 1 ? static_cast<double>(number) / (people - 1) : 0.4;
-    const double near = 1.42 + 0.85 * lane;
+    const double near = 1.3 + 0.6 * lane;
     double side = number % 2 == 0 ? -1.0 : 1.0;
     double time = -rng.uniform(0.5, 4.0);
     Eigen::Vector2d at(side * rng.uniform(0.5, 1.1), near);
     while (time < duration + 2) {
       side = -side;
-      const double reach = 0.25 * near + rng.uniform(0.0, 0.75);
-      const Eigen::Vector2d to(side * reach, near + rng.uniform(-0.12, 0.25));
+      const double reach = rng.uniform(0.15, 0.75);
+      const Eigen::Vector2d to(side * reach, near + rng.uniform(-0.05, 0.25));
       const double speed = rng.uniform(0.55, 1.0);
-      const bool stops = rng.uniform() < 0.55;
+      const bool stops = rng.uniform() < 0.6;
       Leg leg;
       leg.from = at;
       leg.to = to;
@@ -228,6 +228,14 @@ class Walker {
       turn -= 2 * kPi * std::floor((turn + kPi) / (2 * kPi));
       heading += turn * (smooth((t - (leg.start - 0.5)) / 0.6) - 1);
     }
+    // who stops for longer turns to the camera meanwhile
+    if (i + 1 < legs_.size() && leg.pause >= 1) {
+      const double stop = leg.start + leg.walk;
+      const double toward = smooth((t - stop + 0.2) / 0.5) * (1 - smooth((t - (stop + leg.pause - 0.5)) / 0.5));
+      double turn = kPi - leg.heading;
+      turn -= 2 * kPi * std::floor((turn + kPi) / (2 * kPi));
+      heading += toward * turn;
+    }
     const double sway = 0.006 * std::sin(2 * kPi * 0.4 * t + gait_);  // nobody stands quite still
 
     const Eigen::Matrix3d facing = Eigen::AngleAxisd(heading, Eigen::Vector3d::UnitY()).toRotationMatrix();
@@ -266,7 +274,7 @@ class Walker {
       const Eigen::Vector3d elbow = hang(world(0.225 * side, -1.4 + bob, 0.01), -0.4 * sw, 0.27, 0.055, 0.058, 0);
       const Eigen::Vector3d wrist = hang(elbow, -0.4 * sw + 0.3 + 0.15 * stride, 0.22, 0.043, 0.043, 0);
       hang(wrist, -0.4 * sw + 0.4, 0.1, 0.03, 0.042, 3);  // hand
-      hang(ankle, 0.42 * sw - bend + 1.45, 0.14, 0.042, 0.04, 3);  // shoe
+      hang(ankle, 0.42 * sw - bend + 1.45, 0.14, 0.042, 0.04, 1);  // shoe
     }
   }
 

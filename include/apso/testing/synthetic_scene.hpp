@@ -36,7 +36,7 @@ struct Face {
 struct Scene {
   std::vector<Texture> textures;
   std::vector<Face> faces;
-  int first_cloth = 0;  ///< textures of person k: first_cloth + 4 k + {shirt, trousers, skin and hair, shoes}
+  int first_cloth = 0;  ///< textures of person k: first_cloth + 4 k + {shirt, trousers, head, hands}
 };
 
 namespace detail_scene {
@@ -280,10 +280,10 @@ inline Canvas skin_of_hands(Random& rng) {
   add_box(scene, {-1.9F, 0.55F, 2.85F}, {-1.5F, kFloor, 3.25F}, things, 300, rng);
   add_box(scene, {1.35F, 0.5F, 2.9F}, {1.8F, kFloor, 3.3F}, books, 300, rng);
   // near side: a table with boxes on it, its far edge in front of where people walk
-  add_table(scene, 0.3F, 1.5F, 0.85F, 1.15F, 0.45F, things, wood, rng);
-  add_box(scene, {0.55F, 0.28F, 0.95F}, {0.78F, 0.45F, 1.1F}, books, 420, rng);
-  add_box(scene, {1.0F, 0.2F, 0.9F}, {1.25F, 0.45F, 1.1F}, things, 420, rng);
-  add_box(scene, {-1.2F, 0.5F, 0.8F}, {-0.55F, kFloor, 1.1F}, books, 380, rng);
+  add_table(scene, 0.3F, 1.5F, 0.7F, 0.97F, 0.45F, things, wood, rng);
+  add_box(scene, {0.55F, 0.28F, 0.78F}, {0.78F, 0.45F, 0.92F}, books, 420, rng);
+  add_box(scene, {1.0F, 0.2F, 0.75F}, {1.25F, 0.45F, 0.93F}, things, 420, rng);
+  add_box(scene, {-1.2F, 0.5F, 0.68F}, {-0.55F, kFloor, 0.95F}, books, 380, rng);
   // behind the camera
   add_box(scene, {-2.6F, -0.9F, -2.5F}, {-1.2F, kFloor, -1.9F}, books, 220, rng);
   add_box(scene, {0.6F, 0.2F, -2.5F}, {2.2F, kFloor, -1.7F}, things, 240, rng);

@@ -63,11 +63,13 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
   const int height = camera.height;
   rgb.resize(3 * width, height);
   intensity.resize(width, height);
-  const auto gain256 = static_cast<float>(gain);
+  const auto factor = static_cast<float>(gain);
   const auto sigma = static_cast<float>(noise);
   const auto fx = static_cast<float>(camera.fx);
   const auto fy = static_cast<float>(camera.fy);
   const auto open = static_cast<float>(exposure);
+  const float last_x = static_cast<float>(width - 1) - 0.01F;  // a bilinear tap there stays inside
+  const float last_y = static_cast<float>(height - 1) - 0.01F;
   // nothing moves by more than this many pixels while the shutter is open
   float fastest = 0;
   for (const Eigen::Vector3f& v : motion.linear) fastest = std::max(fastest, v.norm());
@@ -96,14 +98,19 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
       float g;
       float bl;
       if (length > 0.75F) {  // mean along the path of the surface during the exposure
-        const int taps = std::min(12, 2 + static_cast<int>(length));
+        const int taps = std::min(12, 2 + static_cast<int>(0.5F * length));
         Lanes sum = 0;
         const float step = 1.0F / static_cast<float>(taps);
         for (int k = 0; k < taps; ++k) {
           const float s = (static_cast<float>(k) + 0.5F) * step - 0.5F;
-          const int px = std::min(width - 1, std::max(0, static_cast<int>(static_cast<float>(x) + s * du + 0.5F)));
-          const int py = std::min(height - 1, std::max(0, static_cast<int>(static_cast<float>(y) + s * dv + 0.5F)));
-          sum += to_lanes(drawn.colour(px, py));
+          const float px = std::min(last_x, std::max(0.0F, static_cast<float>(x) + s * du));
+          const float py = std::min(last_y, std::max(0.0F, static_cast<float>(y) + s * dv));
+          const auto x256 = static_cast<unsigned>(px * 256.0F);
+          const auto y256 = static_cast<unsigned>(py * 256.0F);
+          const std::uint32_t* p = drawn.colour.row(static_cast<int>(y256 >> 8)) + (x256 >> 8);
+          const Lanes upper = mix_lanes(to_lanes(p[0]), to_lanes(p[1]), x256 & 255U);
+          const Lanes lower = mix_lanes(to_lanes(p[width]), to_lanes(p[width + 1]), x256 & 255U);
+          sum += mix_lanes(upper, lower, y256 & 255U);
         }
         r = static_cast<float>(sum & 0xFFFFU) * step;
         g = static_cast<float>((sum >> 32) & 0xFFFFU) * step;
@@ -123,9 +130,9 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
         g = static_cast<float>((c >> 32) & 0xFFU);
         bl = static_cast<float>((c >> 16) & 0xFFU);
       }
-      r *= gain256;
-      g *= gain256;
-      bl *= gain256;
+      r *= factor;
+      g *= factor;
+      bl *= factor;
       if (sigma > 0) {  // most of it common to the channels
         const std::uint64_t bits = hash64(seed + static_cast<std::uint64_t>(y) * 65536U + static_cast<std::uint64_t>(x));
         const float common = sigma * normal(bits);
