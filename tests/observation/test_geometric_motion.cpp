@@ -1,6 +1,7 @@
 // Properties of the motion policy on rooms whose truth is known.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <limits>
 #include <vector>
 
@@ -263,6 +264,42 @@ TEST_CASE("a track that leaves its static prediction is a seed") {
   for (PointTrack& t : tracks) t.x = t.previous_x - 13;
   flow_seeds(tracks, c, T, depth, 4, 3.0, scratch, seeds);
   CHECK(seeds.empty());
+}
+
+TEST_CASE("tracks find an object that has just begun to move, before it has left its place") {
+  double recall[2] = {0, 0};
+  for (int with = 0; with < 2; ++with) {
+    GeometricMotion motion(camera(), undilated());
+    Scene s;
+    DynamicMask m;
+    double worst = 0;
+    for (int k = 0; k < 45; ++k) {
+      const auto place = [](int i) { return i < 36 ? -0.3 : -0.3 + 0.3 * (i - 36) / 30.0; };  // rests, then 0.3 m/s
+      Slab slab;
+      slab.x = place(k);
+      s.render(Pose::Identity(), slab);
+      std::vector<PointTrack> tracks;
+      for (int y = 20; with != 0 && y < 230; y += 10) {
+        const auto fy = static_cast<float>(y);
+        for (int x = 5; x < 320; x += 10) {  // background that is never covered
+          const auto fx = static_cast<float>(x);
+          if (x < 80 || x > 200) tracks.push_back({1000 * y + x, fx, fy, fx, fy, k});
+        }
+        for (int i = -2; i <= 2 && y > 40 && y < 220; ++i) {  // the slab at 2 m: 130 px per metre
+          const auto x = static_cast<float>(159.5 + 130 * place(k) + 10 * i);
+          const auto before = static_cast<float>(159.5 + 130 * place(k - 1) + 10 * i);
+          tracks.push_back({1000 * y + 500 + i, x, fy, before, fy, k});
+        }
+      }
+      motion.observe(s.frame(k / 30.0), Pose::Identity(), tracks, m);
+      motion.remember(s.frame(k / 30.0), Pose::Identity(), m);
+      if (k < 36) worst = std::max(worst, dynamic_ratio(m));
+    }
+    recall[with] = score(m, s.truth).recall;
+    CHECK(worst < 0.01);
+  }
+  CHECK(recall[1] > 0.5);
+  CHECK(recall[1] > recall[0] + 0.3);
 }
 
 TEST_CASE("wrong calls are refused") {

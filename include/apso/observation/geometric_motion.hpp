@@ -317,14 +317,16 @@ class GeometricMotion {
     }
     flow_seeds(spans_, camera_, inverse(refined_) * past.T_world_camera, past.depth, factor_, options_.flow_residual,
                residuals_, seeds_);
+    // one track alone may be wrong; a pixel needs about three that agree to outweigh what depth says
+    const int reach = std::max(1, 8 / factor_);
     for (const FlowSeed& s : seeds_) {
       const int x = static_cast<int>((s.x + 0.5F) / static_cast<float>(factor_));
       const int y = static_cast<int>((s.y + 0.5F) / static_cast<float>(factor_));
       if (x < 0 || y < 0 || x >= small_.width || y >= small_.height) continue;
       const float z = depth_(x, y);
       if (!(z > 0)) continue;
-      for (int j = std::max(0, y - 2); j <= std::min(small_.height - 1, y + 2); ++j) {
-        for (int i = std::max(0, x - 2); i <= std::min(small_.width - 1, x + 2); ++i) {
+      for (int j = std::max(0, y - reach); j <= std::min(small_.height - 1, y + reach); ++j) {
+        for (int i = std::max(0, x - reach); i <= std::min(small_.width - 1, x + reach); ++i) {
           if (std::abs(depth_(i, j) - z) > same_surface(z)) continue;
           log_odds_(i, j) = std::min(5.0F, std::max(log_odds_(i, j), -0.5F) + 0.75F);
         }
