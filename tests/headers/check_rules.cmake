@@ -66,7 +66,7 @@ foreach(header IN LISTS headers)
       set(party ${CMAKE_MATCH_1})
       if(party STREQUAL "Eigen" OR (module STREQUAL "opencv" AND party STREQUAL "opencv2") OR
          (module STREQUAL "sophus" AND party STREQUAL "sophus") OR
-         (header STREQUAL "apso/io/parameters.hpp" AND party STREQUAL "yaml-cpp"))
+         (module STREQUAL "io" AND party STREQUAL "yaml-cpp"))
         continue()
       endif()
       list(APPEND errors "${header}: must not include ${party}/")

@@ -6,7 +6,8 @@ compiler=$1 standard=$2 mode=$3 include=$4 scratch=$5 eigen=$6
 rm -rf "$scratch"
 mkdir -p "$scratch/include"
 cp -r "$include/apso" "$scratch/include/"
-rm -rf "$scratch/include/apso/"{opencv,sophus} "$scratch/include/apso/io/parameters.hpp"
+rm -rf "$scratch/include/apso/"{opencv,sophus}
+grep -lrE 'yaml-cpp/|apso/io/parameters.hpp' "$scratch/include/apso/io" | xargs -r rm  # settings files need yaml-cpp
 mkdir "$scratch/eigen" && ln -s "$eigen/Eigen" "$scratch/eigen/Eigen"
 cd "$scratch"
 
