@@ -41,7 +41,7 @@ struct FeatureTrackerOptions {
   PoseOptimisationOptions pose;
   DepthRange depth{0.3F, 8.0F};       ///< depth used at keypoints [m]
   double landmark_depth = 5.0;        ///< landmarks are created up to here [m]
-  double inverse_depth_sigma = 0.006; ///< of a depth measurement: noise, registration, time offset [1/m]
+  double inverse_depth_sigma = 0.003; ///< of a depth measurement: noise, registration, time offset [1/m]
   double masked = 0.5;                ///< features at least this likely to be dynamic are not used
   int window_keyframes = 10;          ///< of the local map; as many again that see the same landmarks
   int adjusted_keyframes = 6;         ///< poses refined by bundle adjustment at a new keyframe; 0 = none

@@ -21,6 +21,7 @@
 #include <apso/evaluation/association.hpp>
 #include <apso/io/tum_text.hpp>
 #include <apso/opencv/cameras.hpp>
+#include <apso/options.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/rgbd_frame.hpp>
 

@@ -1,0 +1,170 @@
+#include <doctest/doctest.h>
+
+#include <random>
+
+#include <apso/opencv/pose_optimisation.hpp>
+#include <apso/opencv/windowed_adjustment.hpp>
+
+using namespace apso;
+using namespace apso::opencv;
+
+namespace {
+const Pinhole kCamera{525, 520, 319.5, 239.5, 640, 480};
+
+Pose some_pose() {
+  Twist xi;
+  xi << 0.3, -0.2, 0.1, 0.1, -0.15, 0.05;
+  return se3_exp(xi);
+}
+
+/// Points in front of the camera at `T`, seen with `noise` px; a share of them somewhere else.
+std::vector<PointObservation> scene(const Pose& T_world_camera, int n, double noise, double outliers, bool depth) {
+  std::mt19937 rng(11);
+  std::uniform_real_distribution<double> u(20, 620);
+  std::uniform_real_distribution<double> v(20, 460);
+  std::uniform_real_distribution<double> z(0.8, 4);
+  std::normal_distribution<double> g;
+  std::vector<PointObservation> all;
+  for (int i = 0; i < n; ++i) {
+    PointObservation o;
+    o.u = u(rng);
+    o.v = v(rng);
+    const double depth_i = z(rng);
+    o.point = T_world_camera * kCamera.unproject(o.u, o.v, depth_i);
+    o.u += noise * g(rng);
+    o.v += noise * g(rng);
+    o.inverse_depth_sigma = 0.005;
+    if (depth) o.inverse_depth = 1 / depth_i + 0.003 * noise * g(rng);
+    if (i < outliers * n) {
+      o.u = u(rng);
+      o.v = v(rng);
+    }
+    all.push_back(o);
+  }
+  return all;
+}
+
+double distance(const Pose& a, const Pose& b) { return se3_log(inverse(a) * b).norm(); }
+}  // namespace
+
+TEST_CASE("the residual's derivative agrees with differences") {
+  std::mt19937 rng(3);
+  std::uniform_real_distribution<double> u(-1, 1);
+  for (int i = 0; i < 50; ++i) {
+    PointObservation o;
+    o.u = 320 + 100 * u(rng);
+    o.v = 240 + 100 * u(rng);
+    o.inverse_depth = i % 3 == 0 ? 0.0 : 0.5;
+    o.inverse_depth_sigma = 0.01;
+    o.sigma = 1.44;
+    const Eigen::Vector3d p(u(rng), u(rng), 2 + u(rng));
+    Eigen::Vector3d r;
+    Eigen::Matrix3d J;
+    REQUIRE(point_residual(kCamera, o, p, r, &J));
+    const Eigen::Matrix<double, 3, 6> analytic = J * point_twist_jacobian(p);
+    for (int k = 0; k < 6; ++k) {
+      Twist step = Twist::Zero();
+      step(k) = 1e-6;
+      Eigen::Vector3d forward = Eigen::Vector3d::Zero();
+      Eigen::Vector3d backward = Eigen::Vector3d::Zero();
+      point_residual(kCamera, o, se3_exp(step) * p, forward);
+      point_residual(kCamera, o, se3_exp(-step) * p, backward);
+      CHECK(((forward - backward) / 2e-6 - analytic.col(k)).norm() < 1e-4 * (1 + analytic.norm()));
+    }
+  }
+}
+
+TEST_CASE("a point behind the camera has no residual") {
+  Eigen::Vector3d r;
+  CHECK_FALSE(point_residual(kCamera, PointObservation{}, Eigen::Vector3d(0, 0, -1), r));
+  CHECK_FALSE(point_residual(kCamera, PointObservation{}, Eigen::Vector3d(0, 0, std::nan("")), r));
+}
+
+TEST_CASE("without noise the pose is exact, with and without depth") {
+  for (bool depth : {false, true}) {
+    const Pose truth = some_pose();
+    std::vector<PointObservation> all = scene(truth, 200, 0, 0, depth);
+    Twist off;
+    off << 0.05, 0.03, -0.04, 0.02, 0.01, -0.03;
+    const PoseOptimisation found = optimise_pose(kCamera, all, truth * se3_exp(off));
+    CHECK(succeeded(found.status));
+    CHECK(found.inliers == 200);
+    CHECK(distance(found.T_world_camera, truth) < 1e-6);
+  }
+}
+
+TEST_CASE("40 % outliers do not move the pose, and are told apart") {
+  const Pose truth = some_pose();
+  std::vector<PointObservation> all = scene(truth, 300, 0.5, 0.4, true);
+  Twist off;
+  off << 0.02, -0.01, 0.02, 0.01, -0.01, 0.01;
+  const PoseOptimisation found = optimise_pose(kCamera, all, truth * se3_exp(off));
+  CHECK(succeeded(found.status));
+  CHECK(distance(found.T_world_camera, truth) < 0.005);
+  int wrong = 0;
+  for (std::size_t i = 0; i < 120; ++i) wrong += all[i].inlier ? 1 : 0;
+  CHECK(wrong <= 3);
+  CHECK(found.inliers >= 170);
+}
+
+TEST_CASE("RANSAC needs no guess, gives the same twice, and takes a good hypothesis as it is") {
+  const Pose truth = some_pose();
+  const std::vector<PointObservation> all = scene(truth, 300, 0.3, 0.5, true);
+  const RansacPose a = ransac_pose(kCamera, all, {});
+  const RansacPose b = ransac_pose(kCamera, all, {});
+  REQUIRE(a.ok);
+  CHECK(a.inliers > 120);
+  CHECK(distance(a.T_world_camera, truth) < 0.05);
+  CHECK(a.T_world_camera.matrix() == b.T_world_camera.matrix());
+  const RansacPose c = ransac_pose(kCamera, scene(truth, 100, 0, 0, true), {truth});
+  CHECK(c.inliers == 100);
+  CHECK(distance(c.T_world_camera, truth) < 1e-9);
+}
+
+TEST_CASE("too few observations are a status, the pose stays") {
+  std::vector<PointObservation> all = scene(some_pose(), 5, 0, 0, true);
+  const Pose guess = some_pose();
+  const PoseOptimisation found = optimise_pose(kCamera, all, guess);
+  CHECK(found.status == Status::TooFewMatches);
+  CHECK(found.T_world_camera.matrix() == guess.matrix());
+  CHECK_FALSE(ransac_pose(kCamera, {}, {}).ok);
+}
+
+TEST_CASE("bundle adjustment brings disturbed poses and points back") {
+  std::mt19937 rng(5);
+  std::normal_distribution<double> g;
+  std::uniform_real_distribution<double> u(-1, 1);
+  AdjustmentProblem problem;
+  std::vector<Pose> truth;
+  for (int k = 0; k < 4; ++k) {
+    Twist xi;
+    xi << 0.1 * k, 0.02 * k, -0.03 * k, 0.01 * k, 0.02 * k, 0;
+    truth.push_back(se3_exp(xi));
+    Twist off;
+    for (int i = 0; i < 6; ++i) off(i) = k == 0 ? 0 : 0.01 * g(rng);
+    problem.T_camera_world.push_back(se3_exp(off) * truth.back());
+    problem.fixed.push_back(k == 0 ? 1 : 0);
+  }
+  for (int i = 0; i < 120; ++i) {
+    const Eigen::Vector3d p(u(rng), u(rng), 2.5 + u(rng));
+    AdjustmentProblem::Point point;
+    point.point = p + 0.02 * Eigen::Vector3d(g(rng), g(rng), g(rng));
+    point.first = static_cast<int>(problem.views.size());
+    for (int k = 0; k < 4; ++k) {
+      const Eigen::Vector3d q = truth[static_cast<std::size_t>(k)] * p;
+      AdjustmentProblem::View view;
+      view.pose = k;
+      view.observation.u = kCamera.project(q).x();
+      view.observation.v = kCamera.project(q).y();
+      view.observation.inverse_depth = 1 / q.z();
+      view.observation.inverse_depth_sigma = 0.005;
+      problem.views.push_back(view);
+      ++point.count;
+    }
+    problem.points.push_back(point);
+  }
+  const AdjustmentResult result = adjust(kCamera, problem, 20);
+  CHECK(succeeded(result.status));
+  CHECK(result.cost_after < 1e-3 * result.cost_before);
+  for (std::size_t k = 0; k < 4; ++k) CHECK(distance(problem.T_camera_world[k], truth[k]) < 1e-3);
+}
