@@ -23,7 +23,8 @@ SyntheticOptions small(int people = 2) {
 
 template <class T>
 bool same(const Image<T>& a, const Image<T>& b) {
-  return a.width() == b.width() && a.height() == b.height() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+  return a.width() == b.width() && a.height() == b.height() &&
+         std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
 }
 bool same(const SyntheticFrame& a, const SyntheticFrame& b) {
   return a.timestamp == b.timestamp && same(a.rgb, b.rgb) && same(a.intensity, b.intensity) && same(a.depth, b.depth) &&
@@ -86,7 +87,8 @@ TEST_CASE("names and options are checked") {
     SyntheticSequence("walking_xzy", small());
     FAIL("an unknown name was taken");
   } catch (const contract_error& e) {
-    for (const std::string& name : SyntheticSequence::names()) CHECK(std::string(e.what()).find(name) != std::string::npos);
+    for (const std::string& name : SyntheticSequence::names())
+      CHECK(std::string(e.what()).find(name) != std::string::npos);
   }
   SyntheticOptions o = small();
   o.people = 4;
@@ -110,7 +112,8 @@ TEST_CASE("sizes, ranges and the camera") {
   for (int y = 0; y < 240; ++y) {
     for (int x = 0; x < 320; ++x) {
       const float i = (0.299F * static_cast<float>(f.rgb(3 * x, y)) + 0.587F * static_cast<float>(f.rgb(3 * x + 1, y)) +
-                       0.114F * static_cast<float>(f.rgb(3 * x + 2, y))) / 255.0F;
+                       0.114F * static_cast<float>(f.rgb(3 * x + 2, y))) /
+                      255.0F;
       good = good && std::abs(i - f.intensity(x, y)) < 1e-5F && f.intensity(x, y) >= 0 && f.intensity(x, y) <= 1.0001F;
       good = good && f.depth(x, y) >= 0 && f.depth(x, y) < 9 && f.instance(x, y) <= 2;
     }

@@ -39,16 +39,16 @@ namespace testing {
 
 /// Settings of a synthetic recording.
 struct SyntheticOptions {
-  int frames = 300;             ///< length, at 30 Hz
-  int width = 640;              ///< pixels; the camera of freiburg3 is scaled to this size
-  int height = 480;             ///< pixels
-  int people = 2;               ///< walking people; recordings named static_* have none
-  unsigned seed = 1;            ///< room, people, path and noise all depend on it
-  bool noise = true;            ///< noise of colour and depth, holes in the depth; false: exact
-  bool blur = true;             ///< motion blur
-  bool exposure_drift = true;   ///< the brightness changes slowly by up to about 10 %
-  double exposure_time = 0.012; ///< how long the shutter is open [s]
-  double image_noise = 2.0;     ///< standard deviation of the noise [grey values of 255]
+  int frames = 300;              ///< length, at 30 Hz
+  int width = 640;               ///< pixels; the camera of freiburg3 is scaled to this size
+  int height = 480;              ///< pixels
+  int people = 2;                ///< walking people; recordings named static_* have none
+  unsigned seed = 1;             ///< room, people, path and noise all depend on it
+  bool noise = true;             ///< noise of colour and depth, holes in the depth; false: exact
+  bool blur = true;              ///< motion blur
+  bool exposure_drift = true;    ///< the brightness changes slowly by up to about 10 %
+  double exposure_time = 0.012;  ///< how long the shutter is open [s]
+  double image_noise = 2.0;      ///< standard deviation of the noise [grey values of 255]
 
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
@@ -169,7 +169,8 @@ class SyntheticSequence {
     }
     double gain = 1;
     if (options_.exposure_drift) {
-      gain += 0.07 * std::sin(2 * kPi * t / 8.7 + exposure_phase_) + 0.03 * std::sin(2 * kPi * t / 3.1 + 2 * exposure_phase_);
+      gain += 0.07 * std::sin(2 * kPi * t / 8.7 + exposure_phase_) +
+              0.03 * std::sin(2 * kPi * t / 3.1 + 2 * exposure_phase_);
     }
     const std::uint64_t seed = hash64(options_.seed + 0x5EED00000000ULL * static_cast<std::uint64_t>(i + 1));
     expose(drawn, faces, camera_, motion, options_.blur ? options_.exposure_time : 0.0, gain,

@@ -53,7 +53,8 @@ class CameraPath {
     roll_pitch_yaw *= 0.25 * kPi / 180;
     Eigen::Matrix3d looks = Eigen::Matrix3d::Identity();
     switch (motion_) {
-      case CameraMotion::Static: break;
+      case CameraMotion::Static:
+        break;
       case CameraMotion::Xyz: {
         const double period = 5.6;
         const Swing s = swing(t, period);
@@ -136,14 +137,14 @@ class CameraPath {
 
 /// A part of a body: a cylinder with round ends, elliptic across its axis.
 struct Limb {
-  Eigen::Vector3d centre;   ///< in the world [m]
-  Eigen::Matrix3d axes;     ///< columns: across, along, and the front
-  double across = 0.1;      ///< half the width [m]
-  double front = 0.1;       ///< half the thickness [m]
-  double half_length = 0;   ///< of the cylinder, without the round ends [m]
-  double end = 0.1;         ///< how far the round ends reach out [m]
-  int texture = 0;          ///< index in Scene::textures
-  int instance = 1;         ///< 1 .. people
+  Eigen::Vector3d centre;                              ///< in the world [m]
+  Eigen::Matrix3d axes;                                ///< columns: across, along, and the front
+  double across = 0.1;                                 ///< half the width [m]
+  double front = 0.1;                                  ///< half the thickness [m]
+  double half_length = 0;                              ///< of the cylinder, without the round ends [m]
+  double end = 0.1;                                    ///< how far the round ends reach out [m]
+  int texture = 0;                                     ///< index in Scene::textures
+  int instance = 1;                                    ///< 1 .. people
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  ///< of the centre, in the world [m/s]
 };
 
@@ -273,7 +274,7 @@ class Walker {
       const Eigen::Vector3d ankle = hang(knee, 0.42 * sw - bend, 0.4, 0.058, 0.062, 1);
       const Eigen::Vector3d elbow = hang(world(0.225 * side, -1.4 + bob, 0.01), -0.4 * sw, 0.27, 0.055, 0.058, 0);
       const Eigen::Vector3d wrist = hang(elbow, -0.4 * sw + 0.3 + 0.15 * stride, 0.22, 0.043, 0.043, 0);
-      hang(wrist, -0.4 * sw + 0.4, 0.1, 0.03, 0.042, 3);  // hand
+      hang(wrist, -0.4 * sw + 0.4, 0.1, 0.03, 0.042, 3);           // hand
       hang(ankle, 0.42 * sw - bend + 1.45, 0.14, 0.042, 0.04, 1);  // shoe
     }
   }

@@ -68,15 +68,16 @@ class Renderer {
     Eigen::Matrix3f to_local;         ///< world directions -> local
     Eigen::Matrix3f to_world_normal;  ///< local normals -> world (not of unit length)
     Eigen::Vector3f centre;
-    float half_length;                ///< in local units
-    float row_scale;                  ///< texture rows per local unit of y
-    float texels;                     ///< texels per metre, for the level of detail
+    float half_length;  ///< in local units
+    float row_scale;    ///< texture rows per local unit of y
+    float texels;       ///< texels per metre, for the level of detail
     int texture;
-    int u0, u1, v0, v1;               ///< pixels it may cover, inclusive
+    int u0, u1, v0, v1;  ///< pixels it may cover, inclusive
   };
 
   [[nodiscard]] Eigen::Vector3f ray(int x, int y) const {
-    return rotation_ * Eigen::Vector3f((static_cast<float>(x) - cx_) * ifx_, (static_cast<float>(y) - cy_) * ify_, 1.0F);
+    return rotation_ *
+           Eigen::Vector3f((static_cast<float>(x) - cx_) * ifx_, (static_cast<float>(y) - cy_) * ify_, 1.0F);
   }
 
   [[nodiscard]] Body prepare(const Limb& limb) const {
@@ -118,7 +119,8 @@ class Renderer {
   }
 
   static Eigen::Vector3f body_normal(const Body& b, const Eigen::Vector3f& q) {
-    const float rest = q.y() > b.half_length ? q.y() - b.half_length : (q.y() < -b.half_length ? q.y() + b.half_length : 0);
+    const float rest =
+        q.y() > b.half_length ? q.y() - b.half_length : (q.y() < -b.half_length ? q.y() + b.half_length : 0);
     return {q.x(), rest, q.z()};
   }
 

@@ -172,8 +172,10 @@ inline Canvas shirt(Random& rng) {
       const bool column = x % pitch < width;
       const bool row = y % pitch < width;
       Rgb& p = c.at(x, y);
-      if (column && row) p = a;
-      else if (column || row) p = 0.5F * p + 0.5F * a;
+      if (column && row)
+        p = a;
+      else if (column || row)
+        p = 0.5F * p + 0.5F * a;
       if (x % (2 * pitch) == width / 2 || y % (2 * pitch) == width / 2) p = b;
     }
   }

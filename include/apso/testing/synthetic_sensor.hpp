@@ -122,7 +122,8 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
         if (id[xl] != id[x] || id[xr] != id[x] || above[x] != id[x] || below[x] != id[x]) {  // smooth outlines
           const std::uint32_t* ca = drawn.colour.row(std::max(0, y - 1));
           const std::uint32_t* cb = drawn.colour.row(std::min(height - 1, y + 1));
-          const Lanes sum = 4 * c + 2 * (to_lanes(colour[xl]) + to_lanes(colour[xr]) + to_lanes(ca[x]) + to_lanes(cb[x])) +
+          const Lanes sum = 4 * c +
+                            2 * (to_lanes(colour[xl]) + to_lanes(colour[xr]) + to_lanes(ca[x]) + to_lanes(cb[x])) +
                             to_lanes(ca[xl]) + to_lanes(ca[xr]) + to_lanes(cb[xl]) + to_lanes(cb[xr]);
           c = (sum >> 4) & kLaneMask;
         }
@@ -134,7 +135,8 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
       g *= factor;
       bl *= factor;
       if (sigma > 0) {  // most of it common to the channels
-        const std::uint64_t bits = hash64(seed + static_cast<std::uint64_t>(y) * 65536U + static_cast<std::uint64_t>(x));
+        const std::uint64_t bits =
+            hash64(seed + static_cast<std::uint64_t>(y) * 65536U + static_cast<std::uint64_t>(x));
         const float common = sigma * normal(bits);
         r += common + 0.5F * sigma * normal(bits >> 12);
         g += common + 0.5F * sigma * normal(bits >> 24);
@@ -159,16 +161,16 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
 /// grazing angle, and in the shadow of near things: the projector sits 7.5 cm beside the camera.
 inline void sense_depth(const Canvas3d& drawn, const Renderer& renderer, const Pinhole& camera, std::uint64_t seed,
                         const NormalTable& normal, Image<float>& depth) {
-  constexpr float kBaseline = 0.075F;      // [m]
-  constexpr float kDisparity = 43.5F;      // focal length of the infrared camera times baseline [px m]
-  constexpr float kCell = 4;               // size of the common part of the noise [px]
+  constexpr float kBaseline = 0.075F;  // [m]
+  constexpr float kDisparity = 43.5F;  // focal length of the infrared camera times baseline [px m]
+  constexpr float kCell = 4;           // size of the common part of the noise [px]
   const int width = camera.width;
   const int height = camera.height;
   depth.resize(width, height);
   const float shadow_scale = static_cast<float>(camera.fx) * kBaseline;
   const auto cell_noise = [&](int i, int j) {
-    const std::uint64_t h = hash64((seed ^ 0xC0117ULL) + static_cast<std::uint64_t>(j) * 65536U +
-                                   static_cast<std::uint64_t>(i));
+    const std::uint64_t h =
+        hash64((seed ^ 0xC0117ULL) + static_cast<std::uint64_t>(j) * 65536U + static_cast<std::uint64_t>(i));
     return normal(h);
   };
   const int cells = width / static_cast<int>(kCell) + 2;

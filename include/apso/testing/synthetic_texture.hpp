@@ -181,7 +181,9 @@ class Texture {
     for (int y = 0; y < h; ++y) {
       for (int x = 0; x < w; ++x) {
         const Rgb& c = canvas.at(x, y);
-        const auto byte = [](float v) { return static_cast<std::uint32_t>(std::min(255.0F, std::max(0.0F, v)) + 0.5F); };
+        const auto byte = [](float v) {
+          return static_cast<std::uint32_t>(std::min(255.0F, std::max(0.0F, v)) + 0.5F);
+        };
         base.texels[static_cast<std::size_t>(y * w + x)] = byte(c.r) | (byte(c.g) << 8) | (byte(c.b) << 16);
       }
     }
@@ -195,8 +197,7 @@ class Texture {
         for (int x = 0; x < w; ++x) {
           const std::uint32_t* p = from.texels.data() + static_cast<std::ptrdiff_t>(2 * y) * from.width + 2 * x;
           const Lanes sum = to_lanes(p[0]) + to_lanes(p[1]) + to_lanes(p[from.width]) + to_lanes(p[from.width + 1]);
-          to.texels[static_cast<std::size_t>(y * w + x)] =
-              from_lanes(((sum + 0x0002000200020002ULL) >> 2) & kLaneMask);
+          to.texels[static_cast<std::size_t>(y * w + x)] = from_lanes(((sum + 0x0002000200020002ULL) >> 2) & kLaneMask);
         }
       }
       levels_.push_back(std::move(to));
@@ -233,8 +234,8 @@ class Texture {
     const std::uint32_t* r1 = l.texels.data() + static_cast<std::ptrdiff_t>(((y >> 8) + 1) & l.mask_y) * l.width;
     const auto fx = static_cast<unsigned>(x & 255);
     const auto fy = static_cast<unsigned>(y & 255);
-    return mix_lanes(mix_lanes(to_lanes(r0[x0]), to_lanes(r0[x1]), fx), mix_lanes(to_lanes(r1[x0]), to_lanes(r1[x1]), fx),
-                     fy);
+    return mix_lanes(mix_lanes(to_lanes(r0[x0]), to_lanes(r0[x1]), fx),
+                     mix_lanes(to_lanes(r1[x0]), to_lanes(r1[x1]), fx), fy);
   }
   std::vector<Level> levels_;
 };
