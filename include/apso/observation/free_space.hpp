@@ -36,12 +36,15 @@ struct FreeSpaceOptions {
   double sigmas = 3.5;        ///< ... in standard deviations of the difference of two depths
   double drift = 0.01;        ///< slack for the error between the two poses, per second between the views [m/s]
   double drift_limit = 0.05;  ///< largest such slack [m]
+  double settle = 0.6;        ///< age from which a view proves fully that a surface rests [s]; a walking body still
+                              ///< overlaps itself in younger views
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("tolerance", s.tolerance, 1e-4, 10.0);
     v("sigmas", s.sigmas, 0.0, 100.0);
     v("drift", s.drift, 0.0, 10.0);
     v("drift_limit", s.drift_limit, 0.0, 10.0);
+    v("settle", s.settle, 0.0, 60.0);
   }
 };
 
@@ -130,13 +133,14 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
   const double wrong = judged > 0 ? result.behind / judged : 0.0;
   result.trust = std::clamp((0.6 - wrong) / 0.3, 0.0, 1.0);
   const auto weight = static_cast<float>(result.trust);
+  const auto settled = options.settle > 0 ? std::clamp(age / static_cast<float>(options.settle), 0.1F, 1.0F) : 1.0F;
   if (weight > 0) {
     for (std::size_t i = 0; i < votes.size(); ++i) {
       const float v = votes.data()[i];
       if (v > 0) {
         evidence.appeared.data()[i] += weight * v;
       } else if (v == static_cast<float>(kSameStatic)) {
-        evidence.same_static.data()[i] += weight;
+        evidence.same_static.data()[i] += weight * settled;
       } else if (v == static_cast<float>(kSameDynamic)) {
         evidence.same_dynamic.data()[i] += weight;
       }

@@ -49,6 +49,8 @@ struct FeatureTrackerOptions {
   int least_inliers = 30;             ///< of the local map, for a valid pose
   int least_inliers_relocalised = 50; ///< within relocalised_for of a relocalisation
   double relocalised_for = 1.0;       ///< [s]
+  int least_track_inliers = 15;       ///< tracks that must agree to carry the pose where the map fails
+  int most_frames_on_tracks = 15;     ///< frames in a row that tracks may carry it; errors add up
   double keyframe_interval = 1.0;     ///< a keyframe is due after this time [s]
   double keyframe_share = 0.75;       ///< ... or when inliers fall below this share of the most since the last
   int max_keyframes = 300;            ///< older ones are forgotten
@@ -68,6 +70,8 @@ struct FeatureTrackerOptions {
     v("least_inliers", s.least_inliers, 3, 10000);
     v("least_inliers_relocalised", s.least_inliers_relocalised, 3, 10000);
     v("relocalised_for", s.relocalised_for, 0.0, 1000.0);
+    v("least_track_inliers", s.least_track_inliers, 3, 10000);
+    v("most_frames_on_tracks", s.most_frames_on_tracks, 0, 1000000);
     v("keyframe_interval", s.keyframe_interval, 0.0, 1000.0);
     v("keyframe_share", s.keyframe_share, 0.0, 1.0);
     v("max_keyframes", s.max_keyframes, 2, 100000);
@@ -85,6 +89,7 @@ struct FeatureResult {
   Pose T_world_predicted = Pose::Identity();       ///< constant velocity, or the motion of the tracks where they agree
   int track_inliers = 0;                           ///< tracks that agree with the predicted motion
   bool relocalised = false;                        ///< found again among the keyframes
+  bool from_tracks = false;                        ///< the map failed; the pose is the last one moved along the tracks
   Matrix6 information = Matrix6::Zero();           ///< of the twist that multiplies T_camera_world from the left
 };
 
@@ -177,6 +182,10 @@ class FeatureTracker {
     if (!result.ok) {
       result.T_world_camera = T_world_predicted_;
       if (succeeded(result.status)) result.status = Status::TooFewMatches;
+      if (result.track_inliers >= options_.least_track_inliers && misses_ < options_.most_frames_on_tracks) {
+        result.ok = result.from_tracks = true;
+        result.status = Status::Converged;
+      }
     }
     result_ = result;
     return result;
@@ -191,8 +200,9 @@ class FeatureTracker {
     begun_ = false;
     weigh(dynamic_probability);
     Pose T = normalized(T_world_camera);
-    misses_ = result_.ok ? 0 : misses_ + 1;
-    const bool trusted = result_.ok || map_.living_keyframes() == 0;
+    const bool from_map = result_.ok && !result_.from_tracks;
+    misses_ = from_map ? 0 : misses_ + 1;
+    const bool trusted = from_map || map_.living_keyframes() == 0;
     if (result_.relocalised && result_.ok) relocalised_at_ = timestamp_;
     if (allow_keyframe && trusted) {
       update_landmarks(T);
