@@ -1,0 +1,143 @@
+// The three modules in their order, with a feature tracker that is played by the truth.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <vector>
+
+#include <apso/pipeline/pipeline.hpp>
+#include <apso/testing/synthetic.hpp>
+
+using namespace apso;
+
+namespace {
+
+testing::SyntheticOptions small_world(int people) {
+  testing::SyntheticOptions o;
+  o.width = 320;
+  o.height = 240;
+  o.people = people;
+  o.frames = 60;
+  return o;
+}
+
+/// A host whose keypoints form a grid and whose tracks follow the true motion of the static scene.
+class Host {
+ public:
+  Host(const std::string& name, int people, const PipelineOptions& options = {})
+      : sequence_(name, small_world(people)), pipeline_(sequence_.camera(), options) {}
+
+  const FrameReport& step(int i, const Pose& T_error = Pose::Identity(), bool ok = true, float response = 30) {
+    sequence_.render(i, frame_);
+    const Pose T_true = sequence_.T_world_camera(i);
+    keypoints_.clear();
+    for (int y = 5; y < 240; y += 10) {
+      for (int x = 5; x < 320; x += 10) keypoints_.push_back({static_cast<float>(x), static_cast<float>(y), response, 0, 0});
+    }
+    pipeline_.observe({frame_.rgbd(), T_true * T_error, nullptr, nullptr, {}});
+    pipeline_.assess({&keypoints_, &tracks_, T_true * T_error, T_true * T_error, ok});
+    return pipeline_.conclude();
+  }
+  [[nodiscard]] Pose truth(int i) const { return sequence_.T_world_camera(i); }
+  Pipeline& pipeline() { return pipeline_; }
+
+ private:
+  testing::SyntheticSequence sequence_;
+  testing::SyntheticFrame frame_;
+  Pipeline pipeline_;
+  std::vector<Keypoint> keypoints_;
+  std::vector<PointTrack> tracks_;
+};
+
+PipelineOptions quick_start() {
+  PipelineOptions o;
+  o.assessor.initialisation.frames = 5;
+  return o;
+}
+
+}  // namespace
+
+TEST_CASE("a frame passes the states in their order") {
+  Host host("static_static", 0, quick_start());
+  bool was_initialising = false;
+  for (int i = 0; i < 10; ++i) {
+    const FrameReport& r = host.step(i);
+    was_initialising = was_initialising || r.state == SceneState::Initialising;
+    CHECK(is_finite(r.T_world_camera));
+    CHECK(r.state != SceneState::Lost);
+    if (r.state == SceneState::Initialising) CHECK_FALSE(r.refined);
+    // a frame that is not refined keeps the pose of the features
+    if (!r.refined) CHECK((r.T_world_camera.matrix() - host.truth(i).matrix()).norm() < 1e-9);
+  }
+  CHECK(was_initialising);
+  CHECK(host.pipeline().report().state != SceneState::Initialising);
+}
+
+TEST_CASE("a frame without features is BAD, makes no keyframe, and its wrong pose is repaired from references") {
+  Host host("static_xyz", 0, quick_start());
+  for (int i = 0; i < 12; ++i) host.step(i);
+  Twist off = Twist::Zero();
+  off << 0.02, -0.01, 0.01, 0.005, 0.01, -0.005;
+  const FrameReport& r = host.step(12, se3_exp(off), true, 0.0F);
+  REQUIRE(r.state == SceneState::Bad);
+  CHECK_FALSE(r.keyframe_allowed);
+  REQUIRE(r.refined);
+  const double before = (inverse(host.truth(12)) * r.T_world_feature).translation().norm();
+  const double direct = (inverse(host.truth(12)) * r.refinement.T_world_direct).translation().norm();
+  const double after = (inverse(host.truth(12)) * r.T_world_camera).translation().norm();
+  CHECK(before > 0.02);
+  CHECK(direct < 0.25 * before);
+  CHECK(after < before);
+}
+
+TEST_CASE("a frame without features and without refinement is LOST") {
+  PipelineOptions o = quick_start();
+  o.refinement = false;
+  Host host("static_xyz", 0, o);
+  for (int i = 0; i < 12; ++i) host.step(i);
+  CHECK(host.step(12, Pose::Identity(), false, 0.0F).state == SceneState::Lost);
+}
+
+TEST_CASE("a mask from outside is taken as it is when no motion policy runs") {
+  PipelineOptions o;
+  o.motion = false;
+  const testing::SyntheticSequence sequence("static_static", small_world(0));
+  testing::SyntheticFrame frame;
+  sequence.render(0, frame);
+  Pipeline pipeline(sequence.camera(), o);
+  Image<std::uint8_t> mask(320, 240, 0);
+  for (int y = 0; y < 240; ++y) {
+    for (int x = 0; x < 80; ++x) mask(x, y) = 255;
+  }
+  const Observation& seen = pipeline.observe({frame.rgbd(), Pose::Identity(), nullptr, nullptr, mask.view()});
+  CHECK(seen.dynamic_ratio == doctest::Approx(0.25));
+  CHECK(seen.informative);
+  CHECK_FALSE(pipeline.observe({frame.rgbd(), Pose::Identity(), nullptr, nullptr, {}}).informative);
+}
+
+TEST_CASE("two pipelines fed the same say the same, and reset() forgets") {
+  Host a("walking_xyz", 2), b("walking_xyz", 2);
+  for (int i = 0; i < 8; ++i) {
+    const FrameReport& x = a.step(i);
+    const FrameReport& y = b.step(i);
+    CHECK(x.T_world_camera.matrix() == y.T_world_camera.matrix());
+    CHECK(x.assessment.S_total.value() == y.assessment.S_total.value());
+    CHECK(x.assessment.dynamic_ratio == y.assessment.dynamic_ratio);
+  }
+  a.pipeline().reset();
+  CHECK(a.step(0).assessment.frame == 1);
+}
+
+TEST_CASE("wrong calls are refused") {
+  const Pinhole camera{300, 300, 160, 120, 320, 240};
+  Pipeline pipeline(camera);
+  const Image<float> good(320, 240, 0.5F), wrong(100, 100, 0.5F);
+  CHECK_THROWS_AS(pipeline.observe({{0, wrong, good}, Pose::Identity(), nullptr, nullptr, {}}), contract_error);
+  CHECK_THROWS_AS(pipeline.observe({{0, good, wrong}, Pose::Identity(), nullptr, nullptr, {}}), contract_error);
+  Pose nan = Pose::Identity();
+  nan.translation().x() = std::nan("");
+  CHECK_THROWS_AS(pipeline.observe({{0, good, good}, nan, nullptr, nullptr, {}}), contract_error);
+  CHECK_THROWS_AS(pipeline.assess({}), contract_error);
+  PipelineOptions o;
+  o.assessor.decision.th_differ = 2;
+  CHECK_THROWS_AS(Pipeline(camera, o), contract_error);
+}
