@@ -9,6 +9,6 @@ foreach(_compiler IN ITEMS GXX CLANGXX)
     add_test(NAME ${_name} COMMAND ${CMAKE_COMMAND} -DCOMPILER=${APSO_${_compiler}} -DINCLUDE=${PROJECT_SOURCE_DIR}/include
                                    -DEIGEN=${_eigen} -DCASES=${CMAKE_CURRENT_LIST_DIR}
                                    -P ${CMAKE_CURRENT_LIST_DIR}/check.cmake)
-    set_tests_properties(${_name} PROPERTIES TIMEOUT 600)
+    set_tests_properties(${_name} PROPERTIES TIMEOUT 1800)
   endif()
 endforeach()

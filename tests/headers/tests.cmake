@@ -21,6 +21,6 @@ foreach(_job IN ITEMS GXX:17:together GXX:20:together ${_jobs})
     add_test(NAME ${_name}
              COMMAND ${CMAKE_CURRENT_LIST_DIR}/syntax.sh ${APSO_${_compiler}} ${_standard} ${_mode}
                      ${PROJECT_SOURCE_DIR}/include ${CMAKE_CURRENT_BINARY_DIR}/${_name} ${_eigen})
-    set_tests_properties(${_name} PROPERTIES TIMEOUT 600)
+    set_tests_properties(${_name} PROPERTIES TIMEOUT 1800)
   endif()
 endforeach()

@@ -1,8 +1,10 @@
 /// \file
 /// Options from and to YAML. Needs yaml-cpp. Works for every struct that lists its fields (options.hpp):
 /// \code
-///   assessor:
-///     th_differ: 0.55
+///   pipeline:
+///     assessor:
+///       decision:
+///         th_differ: 0.55
 /// \endcode
 #pragma once
 
