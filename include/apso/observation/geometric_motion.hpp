@@ -40,7 +40,7 @@ struct GeometricMotionOptions {
   double flow_span = 0.15;        ///< ... and looks back this long, for tracks that live so long [s]
   double persistence = 0.75;      ///< share of the past log-odds that is kept per frame where there is new evidence
   double hold = 1.0;              ///< time constant of the past log-odds where there is no new evidence [s]
-  double threshold = 1.0;         ///< log-odds from which a pixel is dynamic
+  double threshold = 0.6;         ///< log-odds from which a pixel is dynamic; two frames that agree reach it
   int reach = 12;                 ///< how far a region grows over unknown pixels [small px]
   double depth_span = 0.4;        ///< ... and over which depth difference to its seed [m]
   int min_pixels = 24;            ///< smaller regions are dropped [small px]
@@ -293,7 +293,8 @@ class GeometricMotion {
         const float appeared = evidence_.appeared(x, y);
         const float same = evidence_.same_static(x, y);
         // a static surface must be confirmed by about three views to outweigh one view that saw through the point
-        const float now = std::clamp(1.2F * (appeared - 0.35F * same), -1.5F, 2.5F);
+        // and one frame alone, whose pose may be wrong, cannot make a point dynamic
+        const float now = std::clamp(1.2F * (appeared - 0.35F * same), -1.5F, 0.9F * static_cast<float>(options_.threshold));
         const float keep = appeared + same > 0 ? keep_evidence : keep_blind;
         log_odds_(x, y) = z > 0 ? std::clamp(keep * past + now, -4.0F, 5.0F) : 0.0F;
       }
