@@ -1,6 +1,7 @@
 # The unit tests once more under the sanitizers, and as C++20 with Clang. Each is a build of its own, of the modules
 # without programs, pictures and third parties' code. Inside such a build (APSO_INNER) these tests do not exist.
-if(NOT APSO_INNER)
+option(APSO_TEST_VARIANTS "Also run the unit tests under sanitizers and as C++20 with Clang (two more builds)" OFF)
+if(APSO_TEST_VARIANTS AND NOT APSO_INNER)
   set(_variant ${CMAKE_CURRENT_LIST_DIR}/build_and_test.cmake)
   add_test(NAME variant_sanitizers
            COMMAND ${CMAKE_COMMAND} -DSOURCE=${PROJECT_SOURCE_DIR} -DBINARY=${PROJECT_BINARY_DIR}/variant_sanitizers

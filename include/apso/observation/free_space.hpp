@@ -133,7 +133,7 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
   const double wrong = judged > 0 ? result.behind / judged : 0.0;
   result.trust = std::clamp((0.6 - wrong) / 0.3, 0.0, 1.0);
   const auto weight = static_cast<float>(result.trust);
-  const auto settled = options.settle > 0 ? std::clamp(age / static_cast<float>(options.settle), 0.35F, 1.0F) : 1.0F;
+  const auto settled = options.settle > 0 ? std::clamp(age / static_cast<float>(options.settle), 0.1F, 1.0F) : 1.0F;
   if (weight > 0) {
     for (std::size_t i = 0; i < votes.size(); ++i) {
       const float v = votes.data()[i];
