@@ -118,8 +118,8 @@ class Pipeline {
   FrameReport report_;
   Pose T_world_previous_ = Pose::Identity();
   bool has_previous_ = false;
-  const std::vector<PointTrack> no_tracks_;
-  const std::vector<Detection> no_detections_;
+  std::vector<PointTrack> no_tracks_;
+  std::vector<Detection> no_detections_;
 };
 
 APSO_NAMESPACE_END
