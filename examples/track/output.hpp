@@ -37,7 +37,7 @@ class FrameTable {
  public:
   explicit FrameTable(const std::string& file) : stream_(file) {
     if (!stream_) throw apso::io_error(file + ": cannot write");
-    stream_ << "frame,timestamp,state,S_conf,S_spatial,S_feature,S_depth,S_total,S_mc,S_dc,S_dec,S_change,dynamic_ratio,"
+    stream_ << "frame,timestamp,state,S_conf,S_spatial,S_feature,S_depth,S_total,S_mc,S_dc,S_dec,S_change,S_step,dynamic_ratio,"
                "W_base,W_change,S_final,th_differ,th_f,th_s,degraded,benchmark_updated,benchmark_age_s,keypoints_static,"
                "objects,feature_ok,feature_matches,feature_inliers,keyframes,landmarks,refined,refine_status,w_diff,w_eff,"
                "c_dir,references,far_reference,gated,valid_share,scale_intensity,scale_depth,degenerate_directions,"
@@ -63,6 +63,7 @@ class FrameTable {
     score(a.S_dc);
     score(a.S_dec);
     score(a.S_change);
+    score(a.S_step);
     put(a.dynamic_ratio);
     put(a.W_base);
     put(a.W_change);

@@ -113,6 +113,8 @@ struct Assessment {
   MaybeDeviation S_dc;
   MaybeDeviation S_dec;
   MaybeDeviation S_change;       ///< missing as long as there is nothing to compare with
+  MaybeDeviation S_step;         ///< the same score against the frame before; decides about hand-over only
+  int steady_frames = 0;         ///< frames in a row that are good by themselves and continue the one before
 
   double dynamic_ratio = 0;  ///< [0,1], the one that entered the weights
   double W_base = 0;
@@ -176,6 +178,7 @@ class SceneAssessor {
     const FrameSnapshot* baseline = choose_baseline();
     if (baseline) score_change(*baseline);
     a_.dynamic_ratio = choose_dynamic_ratio(input.dynamic_ratio, objects);
+    follow_steps();
 
     if (benchmark_.present()) {
       decide();
@@ -183,10 +186,8 @@ class SceneAssessor {
       initialise();
     }
     a_.degraded = degraded_;
-    if (o_.change_baseline == ChangeBaseline::Previous) {
-      std::swap(previous_, current_);
-      has_previous_ = true;
-    }
+    std::swap(previous_, current_);
+    has_previous_ = true;
     return a_;
   }
   /// The last result.
@@ -197,6 +198,7 @@ class SceneAssessor {
     a_ = Assessment{};
     responses_.clear();
     has_previous_ = false;
+    steady_frames_ = 0;
     reset_benchmark();
   }
   /// Forgets the reference and searches a new one, e.g. in a new place; the calibration of the responses stays.
@@ -288,25 +290,59 @@ class SceneAssessor {
   void score_change(const FrameSnapshot& r) {
     a_.benchmark_age = std::max(0.0, current_.timestamp - r.timestamp);
     a_.S_reference = r.S_total.value();
+    const Change c = compare(r, o_.change_baseline);
+    a_.S_mc = c.S_mc;
+    a_.S_dc = c.S_dc;
+    a_.S_dec = c.S_dec;
+    a_.S_change = c.S_change;
+    a_.motion_parts = c.motion;
+    a_.depth_change_parts = c.depth;
+    a_.detection_parts = c.detection;
+    if (c.S_mc) {
+      a_.reference_tracks = static_cast<int>(r.points.size());
+      a_.tracks_from_reference = c.motion.tracks;
+    }
+  }
+
+  /// All change scores of the current frame against another.
+  struct Change {
+    MaybeDeviation S_mc, S_dc, S_dec, S_change;
+    MotionChange motion;
+    DepthChange depth;
+    DetectionChange detection;
+  };
+  Change compare(const FrameSnapshot& r, ChangeBaseline scale_of) {
+    Change c;
     if (r.has_tracks && current_.has_tracks) {
       match_points(r, current_, matches_);
-      const double scale = o_.change_baseline == ChangeBaseline::Reference ? o_.motion_change.scale
-                                                                           : o_.motion_change.scale_previous;
-      a_.motion_parts = motion_change(matches_, static_cast<int>(r.points.size()), camera_.width, camera_.height,
-                                      o_.motion_change, scale, motion_scratch_);
-      a_.S_mc = a_.motion_parts.score;
-      a_.reference_tracks = static_cast<int>(r.points.size());
-      a_.tracks_from_reference = a_.motion_parts.tracks;
+      const double scale =
+          scale_of == ChangeBaseline::Reference ? o_.motion_change.scale : o_.motion_change.scale_previous;
+      c.motion = motion_change(matches_, static_cast<int>(r.points.size()), camera_.width, camera_.height,
+                               o_.motion_change, scale, motion_scratch_);
+      c.S_mc = c.motion.score;
     }
     if (r.depth.present && current_.depth.present) {
-      a_.depth_change_parts = depth_change(r.depth, current_.depth, o_.depth_change);
-      a_.S_dc = a_.depth_change_parts.score;
+      c.depth = depth_change(r.depth, current_.depth, o_.depth_change);
+      c.S_dc = c.depth.score;
     }
     if (r.has_objects && current_.has_objects) {
-      a_.detection_parts = detection_change(r.objects, current_.objects, o_.detection_change, detection_scratch_);
-      a_.S_dec = a_.detection_parts.score;
+      c.detection = detection_change(r.objects, current_.objects, o_.detection_change, detection_scratch_);
+      c.S_dec = c.detection.score;
     }
-    a_.S_change = change_score(a_.S_mc, a_.S_dc, a_.S_dec, o_.change_weights);
+    c.S_change = change_score(c.S_mc, c.S_dc, c.S_dec, o_.change_weights);
+    return c;
+  }
+
+  /// Counts the frames that are good by themselves and continue the one before.
+  void follow_steps() {
+    if (has_previous_) {
+      a_.S_step = o_.change_baseline == ChangeBaseline::Previous ? a_.S_change
+                                                                 : compare(previous_, ChangeBaseline::Previous).S_change;
+    }
+    const bool steady = a_.S_step && a_.S_step->value() <= o_.benchmark.max_step && a_.feature_tracking_ok &&
+                        a_.S_total.value() >= o_.decision.th_differ && a_.dynamic_ratio <= o_.benchmark.max_dynamic;
+    steady_frames_ = steady ? steady_frames_ + 1 : 0;
+    a_.steady_frames = steady_frames_;
   }
 
   [[nodiscard]] double choose_dynamic_ratio(double given, const std::vector<Detection>& objects) const {
@@ -338,6 +374,7 @@ class SceneAssessor {
     benchmark_.set(best_);
     degraded_ = step.degraded;
     a_.benchmark_updated = true;
+    update_benchmark(false);  // the best frame of the window may be long out of sight
   }
 
   void decide() {
@@ -356,7 +393,15 @@ class SceneAssessor {
     decision_.remember(d, good);
     if (good && a_.static_keypoints > 0) responses_.add(a_.features.median_response);
 
+    a_.benchmark_updated = update_benchmark(good);
+    if (a_.benchmark_updated && benchmark_.reference().S_total.value() >= o_.initialisation.quality_min) {
+      degraded_ = false;
+    }
+  }
+
+  bool update_benchmark(bool good) {
     double overlap = std::numeric_limits<double>::quiet_NaN();
+    MaybeDeviation change = a_.S_change;
     if (a_.S_mc) {
       overlap = a_.motion_parts.overlap;
       if (o_.change_baseline == ChangeBaseline::Previous) {  // staleness is about the benchmark all the same
@@ -365,13 +410,10 @@ class SceneAssessor {
                       ? 0.0
                       : static_cast<double>(matches_.size()) /
                             (o_.motion_change.full_overlap * static_cast<double>(benchmark_.reference().points.size()));
+        change = {};
       }
     }
-    const bool fit = a_.feature_tracking_ok && !a_.scenario_dynamic && a_.S_total.value() >= a_.th_differ;
-    a_.benchmark_updated = benchmark_.update(current_, good, overlap, fit);
-    if (a_.benchmark_updated && benchmark_.reference().S_total.value() >= o_.initialisation.quality_min) {
-      degraded_ = false;
-    }
+    return benchmark_.update(current_, good, change, overlap, steady_frames_);
   }
 
   Pinhole camera_;
@@ -385,6 +427,7 @@ class SceneAssessor {
   FrameSnapshot best_;
   FrameSnapshot previous_;
   bool has_previous_ = false;
+  int steady_frames_ = 0;
   bool degraded_ = false;
   std::vector<Detection> no_objects_;
   std::vector<Correspondence> matches_;

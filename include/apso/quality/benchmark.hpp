@@ -53,7 +53,11 @@ struct BenchmarkOptions {
   double min_overlap = 0.3;  ///< rho_t below which the reference is losing sight of the scene
   int overlap_frames = 5;    ///< ... in this many frames in a row
   double recent = 2;         ///< [s] among the GOOD frames of this last time a replacement is sought
-  bool rescue = true;        ///< see Benchmark::update
+  bool hand_over = true;     ///< see Benchmark::update; false = the paper, which never lets a reference go this way
+  double max_change = 0.4;   ///< S_change from which the camera has left the reference behind, [0,1]
+  double max_step = 0.6;     ///< S_change to the frame before, up to which a frame continues it, [0,1]
+  double max_dynamic = 0.5;  ///< dynamic ratio up to which a frame shows enough of the background, [0,1]
+  int steady_frames = 5;     ///< so many such frames in a row make a frame a reference
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -62,7 +66,11 @@ struct BenchmarkOptions {
     v("min_overlap", s.min_overlap, 0.0, 1.0);
     v("overlap_frames", s.overlap_frames, 1, 1000000);
     v("recent", s.recent, 0.0, 60.0);
-    v("rescue", s.rescue);
+    v("hand_over", s.hand_over);
+    v("max_change", s.max_change, 0.0, 1.0);
+    v("max_step", s.max_step, 0.0, 1.0);
+    v("max_dynamic", s.max_dynamic, 0.0, 1.0);
+    v("steady_frames", s.steady_frames, 1, 1000000);
   }
 };
 
@@ -89,12 +97,16 @@ class Benchmark {
   }
   /// After the decision about a frame: a GOOD frame that beats the reference replaces it. A stale reference (few of
   /// its tracks left for several frames, or too old) gives way to the best GOOD frame of the last time.
+  ///
+  /// Hand-over: a camera that turns away smoothly leaves every reference behind. S_change then says BAD although
+  /// nothing is wrong, and since a BAD frame may not become the reference, it would say so until the camera comes
+  /// back. So the reference is handed on to a steady frame as soon as S_change exceeds BenchmarkOptions::max_change.
+  /// \param change  S_change against the reference; missing counts as none
   /// \param overlap rho_t of the frame, [0,1]; NaN when not measured
-  /// \param fit     the frame would be GOOD judged by itself. When a stale reference makes every frame BAD, so that
-  ///                no GOOD frame is left to choose, such a frame becomes the reference; else the scene could
-  ///                never become GOOD again. (BenchmarkOptions::rescue)
+  /// \param steady  frames in a row, up to this one, that are good by themselves and continue the one before: after
+  ///                a jump (occlusion, flash, wrong place) the reference stays until the scene has settled
   /// \return whether the reference was replaced
-  bool update(const FrameSnapshot& frame, bool good, double overlap, bool fit) {
+  bool update(const FrameSnapshot& frame, bool good, MaybeDeviation change, double overlap, int steady) {
     const double now = frame.timestamp;
     // Keep only candidates that can still be chosen: a newer frame that is as good outlives an older one.
     if (good) {
@@ -115,6 +127,11 @@ class Benchmark {
       set(frame);
       return true;
     }
+    const bool may_hand_over = o_.hand_over && steady >= o_.steady_frames;
+    if (may_hand_over && change && change->value() > o_.max_change) {
+      set(frame);
+      return true;
+    }
     const bool stale = low_overlap_ >= o_.overlap_frames || now - reference_.timestamp > o_.max_age;
     if (!stale) return false;
     for (const FrameSnapshot& candidate : recent_) {
@@ -122,7 +139,7 @@ class Benchmark {
       set(candidate);
       return true;
     }
-    if (o_.rescue && fit) {
+    if (may_hand_over) {
       set(frame);
       return true;
     }
