@@ -326,7 +326,7 @@ class FeatureTracker {
     }
     if (observations_.size() < 12) return 0;
     RansacOptions ransac;
-    ransac.threshold = 2.0;
+    ransac.threshold = 1.0;
     ransac.iterations = 150;
     ransac.seed = options_.seed + static_cast<std::uint64_t>(frame_number_);
     const RansacPose found =

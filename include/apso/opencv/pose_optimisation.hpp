@@ -40,11 +40,13 @@ struct PoseOptimisationOptions {
   int rounds = 4;       ///< after each round inliers and outliers are told apart anew
   int iterations = 10;  ///< Gauss-Newton steps of a round
   int least = 10;       ///< fewer inliers are no result
+  double least_scale = 0.4;  ///< the noise is measured, but is not believed to be less than this share of sigma
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("rounds", s.rounds, 1, 20);
     v("iterations", s.iterations, 1, 100);
     v("least", s.least, 3, 1000);
+    v("least_scale", s.least_scale, 0.01, 1.0);
   }
 };
 
@@ -90,34 +92,68 @@ inline bool point_residual(const Pinhole& camera, const PointObservation& o, con
   return o.inverse_depth > 0 ? kChi2PointDepth : kChi2Point;
 }
 
+/// Squared norm of a whitened residual when the noise of u and v is `scale` times sigma.
+[[nodiscard]] inline double scaled_norm2(const Eigen::Vector3d& r, double scale) {
+  return r.head<2>().squaredNorm() / (scale * scale) + r.z() * r.z();
+}
+
 /// Marks the inliers at a pose and counts them.
-inline int classify(const Pinhole& camera, std::vector<PointObservation>& observations, const Pose& T_world_camera) {
+/// \param scale noise of u and v, in sigma
+/// \param widen factor on the chi-square limits
+inline int classify(const Pinhole& camera, std::vector<PointObservation>& observations, const Pose& T_world_camera,
+                    double scale = 1, double widen = 1) {
   const Pose T_camera_world = inverse(T_world_camera);
   int inliers = 0;
   Eigen::Vector3d r;
   for (PointObservation& o : observations) {
-    o.inlier = point_residual(camera, o, T_camera_world * o.point, r) && r.squaredNorm() <= chi2_limit(o);
+    o.inlier = point_residual(camera, o, T_camera_world * o.point, r) && scaled_norm2(r, scale) <= widen * chi2_limit(o);
     inliers += o.inlier ? 1 : 0;
   }
   return inliers;
 }
 
-/// Pose that minimises the Huber cost of the observations, starting at T_world_camera. Huber bounds are the square
-/// roots of the 95 % chi-square points; the last two rounds use the inliers without robust kernel (as Mur-Artal &
-/// Tardos, ORB-SLAM2, T-RO 2017, section III).
+/// Noise of u and v in units of sigma, from the median residual of the inliers: for two Gaussian components the
+/// median of the squared norm is 2 ln 2.
+[[nodiscard]] inline double pixel_noise_scale(const Pinhole& camera, const std::vector<PointObservation>& observations,
+                                              const Pose& T_camera_world, double least, std::vector<double>& scratch) {
+  scratch.clear();
+  Eigen::Vector3d r;
+  for (const PointObservation& o : observations) {
+    if (o.inlier && point_residual(camera, o, T_camera_world * o.point, r)) scratch.push_back(r.head<2>().squaredNorm());
+  }
+  if (scratch.empty()) return 1;
+  const auto middle = scratch.begin() + static_cast<std::ptrdiff_t>(scratch.size() / 2);
+  std::nth_element(scratch.begin(), middle, scratch.end());
+  return std::clamp(std::sqrt(*middle / 1.3862943611198906), least, 1.0);
+}
+
+/// Pose that minimises the robust cost of the observations, starting at T_world_camera.
+///
+/// The kernel is Geman-McClure with the 95 % chi-square points as bounds: what is far off at the start has no pull.
+/// Huber's has, and a moving body in front of a distant wall then drags the pose along, because a small turn and a
+/// small shift together explain both. For the same reason the noise is measured (pixel_noise_scale) and not assumed:
+/// at half a pixel the wall says clearly that the camera did not turn, at one or two pixels it does not. The last two
+/// rounds use the inliers without kernel. When most observations are far off at the start, all take part at first.
 [[nodiscard]] inline PoseOptimisation optimise_pose(const Pinhole& camera, std::vector<PointObservation>& observations,
                                                     const Pose& T_world_camera,
                                                     const PoseOptimisationOptions& options = {}) {
+  constexpr double far_off = 16;  // on squared residuals: four times the bound
   PoseOptimisation result;
   result.T_world_camera = T_world_camera;
   result.status = Status::TooFewMatches;
   if (static_cast<int>(observations.size()) < options.least) return result;
   Pose T = inverse(T_world_camera);
-  for (PointObservation& o : observations) o.inlier = true;
+  if (2 * classify(camera, observations, T_world_camera, 1, far_off) < static_cast<int>(observations.size())) {
+    for (PointObservation& o : observations) o.inlier = true;
+  }
   Matrix6 information = Matrix6::Zero();
+  std::vector<double> scratch;
+  double scale = 1;
   for (int round = 0; round < options.rounds; ++round) {
     const bool robust = round + 2 < options.rounds || options.rounds < 3;
     for (int iteration = 0; iteration < options.iterations; ++iteration) {
+      if (robust) scale = pixel_noise_scale(camera, observations, T, options.least_scale, scratch);
+      const double per_pixel = 1 / scale;
       Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
       Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
       Eigen::Vector3d r;
@@ -126,9 +162,11 @@ inline int classify(const Pinhole& camera, std::vector<PointObservation>& observ
         if (!o.inlier) continue;
         const Eigen::Vector3d p = T * o.point;
         if (!point_residual(camera, o, p, r, &J_point)) continue;
+        r.head<2>() *= per_pixel;
+        J_point.topRows<2>() *= per_pixel;
         const double limit = chi2_limit(o);
-        const double e2 = r.squaredNorm();
-        const double w = o.weight * (robust && e2 > limit ? std::sqrt(limit / e2) : 1.0);
+        const double share = limit / (limit + r.squaredNorm());
+        const double w = o.weight * (robust ? share * share : 1.0);
         const Eigen::Matrix<double, 3, 6> J = J_point * point_twist_jacobian(p);
         H.noalias() += w * J.transpose() * J;
         b.noalias() -= w * J.transpose() * r;
@@ -146,9 +184,10 @@ inline int classify(const Pinhole& camera, std::vector<PointObservation>& observ
       }
       T = normalized(se3_exp(step) * T);
       information = H;
-      if (step.norm() < 1e-7) break;
+      if (step.norm() < 1e-6) break;
     }
-    result.inliers = classify(camera, observations, inverse(T));
+    scale = pixel_noise_scale(camera, observations, T, options.least_scale, scratch);
+    result.inliers = classify(camera, observations, inverse(T), scale);
     if (result.inliers < options.least) return result;
   }
   result.status = Status::Converged;
