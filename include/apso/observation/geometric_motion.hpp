@@ -20,6 +20,7 @@
 #include <apso/observation/free_space.hpp>
 #include <apso/observation/low_res_depth.hpp>
 #include <apso/observation/region_growing.hpp>
+#include <apso/observation/track_claims.hpp>
 #include <apso/options.hpp>
 #include <apso/types/pinhole.hpp>
 #include <apso/types/rgbd_frame.hpp>
@@ -38,6 +39,9 @@ struct GeometricMotionOptions {
   BackgroundRegistrationOptions registration;
   double flow_residual = 3.0;     ///< a track this far from its static prediction is moving [px]
   double flow_span = 0.15;        ///< ... and looks back this long, for tracks that live so long [s]
+  int flow_reach = 10;            ///< how far a track speaks for the surface it is on [small px]
+  int flow_tracks = 3;            ///< so many moving tracks must agree on a surface
+  double flow_evidence = 0.9;     ///< log-odds that they then give it per frame
   double persistence = 0.75;      ///< share of the past log-odds that is kept per frame where there is new evidence
   double hold = 1.0;              ///< time constant of the past log-odds where there is no new evidence [s]
   double threshold = 0.6;         ///< log-odds from which a pixel is dynamic; two frames that agree reach it
@@ -45,7 +49,7 @@ struct GeometricMotionOptions {
   double depth_span = 0.4;        ///< ... and over which depth difference to its seed [m]
   int min_pixels = 24;            ///< smaller regions are dropped [small px]
   double min_area = 0.015;        ///< regions that are smaller in the world are dropped [m^2]
-  int dilation = 7;               ///< the mask is widened by this [px]
+  int dilation = 4;               ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("width", s.width, 16, 4096);
@@ -58,6 +62,9 @@ struct GeometricMotionOptions {
     v("registration", s.registration);
     v("flow_residual", s.flow_residual, 0.1, 1000.0);
     v("flow_span", s.flow_span, 0.0, 10.0);
+    v("flow_reach", s.flow_reach, 0, 254);
+    v("flow_tracks", s.flow_tracks, 1, 1000);
+    v("flow_evidence", s.flow_evidence, 0.0, 4.0);
     v("persistence", s.persistence, 0.0, 0.99);
     v("hold", s.hold, 1e-3, 60.0);
     v("threshold", s.threshold, 0.01, 4.0);
@@ -108,12 +115,13 @@ class GeometricMotion {
       mask_.assign(small_.width, small_.height, 0);
       log_odds_.assign(small_.width, small_.height, 0.0F);
     } else {
+      look_back(tracks);
       if (options_.correct_prior) correct_prior();
       for (const DepthReference& r : references_) {
         compare_with_view(depth_, small_, refined_, time_, r, options_.free_space, votes_, evidence_);
       }
+      claim_from_tracks();
       update_log_odds(std::max(1e-3, time_ - last));
-      add_flow_seeds(tracks);
       label();
     }
     write(frame.depth.width, frame.depth.height, out);
@@ -255,7 +263,22 @@ class GeometricMotion {
       if (best != nullptr) chosen_.push_back(best);
     }
     registration_ = register_background(depth_, small_, refined_, chosen_, options_.registration);
-    refined_ = registration_.T_world_camera;
+    // People who fill the view can outweigh the background in depth; the tracks say whose motion was found.
+    const double before = support(refined_);
+    if (support(registration_.T_world_camera) + 1e-9 >= before) {
+      refined_ = registration_.T_world_camera;
+    } else {
+      registration_.status = Status::Diverged;
+      registration_.T_world_camera = refined_;
+    }
+  }
+
+  // Tracks that agree with a pose of the camera.
+  [[nodiscard]] double support(const Pose& T_world_camera) {
+    if (history_.empty()) return 0;
+    const TrackSnapshot& past = history_.front();
+    flow_residuals(spans_, camera_, inverse(T_world_camera) * past.T_world_camera, past.depth, factor_, flow_points_);
+    return track_support(flow_points_, options_.flow_residual);
   }
 
   void update_log_odds(double dt) {
@@ -294,18 +317,22 @@ class GeometricMotion {
         const float same = evidence_.same_static(x, y);
         // a static surface must be confirmed by about three views to outweigh one view that saw through the point
         // and one frame alone, whose pose may be wrong, cannot make a point dynamic
-        const float now = std::clamp(1.2F * (appeared - 0.35F * same), -1.5F, 0.9F * static_cast<float>(options_.threshold));
-        const float keep = appeared + same > 0 ? keep_evidence : keep_blind;
-        log_odds_(x, y) = z > 0 ? std::clamp(keep * past + now, -4.0F, 5.0F) : 0.0F;
+        float now = std::clamp(1.2F * (appeared - 0.35F * same), -1.5F, 0.9F * static_cast<float>(options_.threshold));
+        // several tracks that move can: then "the same surface" was seen only because the body slides along itself
+        const bool moves = claims_(x, y) == static_cast<std::uint8_t>(TrackClaim::Moving);
+        if (moves) now = std::max(now, static_cast<float>(options_.flow_evidence));
+        const float keep = appeared + same > 0 || moves ? keep_evidence : keep_blind;
+        const float before = moves ? std::max(past, 0.0F) : past;
+        log_odds_(x, y) = z > 0 ? std::clamp(keep * before + now, -4.0F, 5.0F) : 0.0F;
       }
     }
   }
 
   // Tracks are compared with where they were some frames ago: the motion of a walking person adds up, noise does not.
-  void add_flow_seeds(const std::vector<PointTrack>& tracks) {
+  void look_back(const std::vector<PointTrack>& tracks) {
+    spans_.clear();
     if (history_.empty()) return;
     const TrackSnapshot& past = history_.front();
-    spans_.clear();
     for (const PointTrack& t : tracks) {
       const auto it = std::lower_bound(past.points.begin(), past.points.end(), t.id,
                                        [](const TrackPoint& p, std::int64_t id) { return p.id < id; });
@@ -316,23 +343,16 @@ class GeometricMotion {
       span.age = 1;
       spans_.push_back(span);
     }
-    flow_seeds(spans_, camera_, inverse(refined_) * past.T_world_camera, past.depth, factor_, options_.flow_residual,
-               residuals_, seeds_);
-    // one track alone may be wrong; a pixel needs about three that agree to outweigh what depth says
-    const int reach = std::max(1, 8 / factor_);
-    for (const FlowSeed& s : seeds_) {
-      const int x = static_cast<int>((s.x + 0.5F) / static_cast<float>(factor_));
-      const int y = static_cast<int>((s.y + 0.5F) / static_cast<float>(factor_));
-      if (x < 0 || y < 0 || x >= small_.width || y >= small_.height) continue;
-      const float z = depth_(x, y);
-      if (!(z > 0)) continue;
-      for (int j = std::max(0, y - reach); j <= std::min(small_.height - 1, y + reach); ++j) {
-        for (int i = std::max(0, x - reach); i <= std::min(small_.width - 1, x + reach); ++i) {
-          if (std::abs(depth_(i, j) - z) > same_surface(z)) continue;
-          log_odds_(i, j) = std::min(5.0F, std::max(log_odds_(i, j), -0.5F) + 0.75F);
-        }
-      }
-    }
+  }
+
+  void claim_from_tracks() {
+    claims_.assign(small_.width, small_.height, 0);
+    if (history_.empty()) return;
+    const TrackSnapshot& past = history_.front();
+    flow_residuals(spans_, camera_, inverse(refined_) * past.T_world_camera, past.depth, factor_, flow_points_);
+    mark_moving(options_.flow_residual, residuals_, flow_points_);
+    claim_surfaces(flow_points_, depth_, factor_, options_.flow_reach, static_cast<float>(options_.depth_span),
+                   options_.flow_tracks, claims_, scratch_);
   }
 
   void keep_tracks(const std::vector<PointTrack>& tracks) {
@@ -361,13 +381,14 @@ class GeometricMotion {
       const float l = log_odds_.data()[i];
       const bool valid = depth_.data()[i] > 0;
       mask_.data()[i] = valid && l > threshold ? 1 : 0;
-      may_join_.data()[i] = valid && l > -0.5F && evidence_.same_static.data()[i] < 1.0F ? 1 : 0;
+      const bool moves = claims_.data()[i] == static_cast<std::uint8_t>(TrackClaim::Moving);
+      may_join_.data()[i] = valid && l > -0.5F && (moves || evidence_.same_static.data()[i] < 1.0F) ? 1 : 0;
     }
     const auto area = static_cast<float>(1.0 / (small_.fx * small_.fy));
     open_2x2(mask_, opened_);
     remove_small(depth_, area, options_.min_pixels, static_cast<float>(options_.min_area), mask_, scratch_);
     grow_region(depth_, may_join_, options_.reach, static_cast<float>(options_.depth_span), mask_, scratch_);
-    fill_depth_holes(depth_, 3, mask_, scratch_);
+    fill_depth_holes(depth_, 0, mask_, scratch_);
   }
 
   void write(int width, int height, DynamicMask& out) {
@@ -472,7 +493,8 @@ class GeometricMotion {
   RegionScratch scratch_;
   std::vector<std::uint8_t> dilation_scratch_;
   std::vector<float> residuals_;
-  std::vector<FlowSeed> seeds_;
+  std::vector<FlowPoint> flow_points_;
+  Image<std::uint8_t> claims_;
   std::vector<PointTrack> spans_;
   std::vector<TrackSnapshot> history_;  // oldest first
   std::vector<int> columns_;

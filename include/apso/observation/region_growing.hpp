@@ -15,8 +15,7 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// True when two neighbouring pixels lie on one surface: the step is small against the depth, or both continue
-/// the slope of the surface (second difference), as a floor does under a flat view.
+/// True when two neighbouring pixels lie on one surface: the step between them is small against their depth.
 [[nodiscard]] inline bool depth_connected(float a, float b) {
   const float z = std::min(a, b);
   return z > 0 && std::abs(a - b) <= std::max(0.03F, 0.02F * z) + 2.0F * depth_sigma(z);
@@ -28,6 +27,7 @@ struct RegionScratch {
   Image<int> label;
   Image<float> origin;
   Image<std::uint8_t> distance;
+  Image<std::uint8_t> count;
 };
 
 /// Spreads `mask` over pixels that `may_join` and are connected to it in depth.

@@ -248,7 +248,9 @@ inline double ransac_score(const Pinhole& camera, const std::vector<PointObserva
 }  // namespace detail
 
 /// Pose with the most support (MSAC score) among the given hypotheses and those from random triples of points with
-/// measured depth (rigid alignment of three points, Umeyama 1991). Deterministic for a seed.
+/// measured depth (rigid alignment of three points, Umeyama 1991). Every hypothesis that leads is refined over all
+/// observations near it (local optimisation, Chum, Matas & Kittler 2003): three noisy depths alone rarely tell the
+/// background from a body that moves a little. Deterministic for a seed.
 [[nodiscard]] inline RansacPose ransac_pose(const Pinhole& camera, const std::vector<PointObservation>& observations,
                                             const std::vector<Pose>& hypotheses, const RansacOptions& options = {}) {
   RansacPose best;
@@ -265,7 +267,18 @@ inline double ransac_score(const Pinhole& camera, const std::vector<PointObserva
     }
     return false;
   };
-  for (const Pose& T : hypotheses) offer(inverse(T));
+  std::vector<PointObservation> near;
+  const auto offer_refined = [&](const Pose& T_camera_world, bool always) {
+    const bool leads = offer(T_camera_world);
+    if (!leads && !always) return false;
+    near = observations;
+    PoseOptimisationOptions local;
+    local.rounds = 2;
+    local.iterations = 5;
+    const PoseOptimisation refined = optimise_pose(camera, near, inverse(T_camera_world), local);
+    return (succeeded(refined.status) && offer(inverse(refined.T_world_camera))) || leads;
+  };
+  for (const Pose& T : hypotheses) offer_refined(inverse(T), true);
 
   std::vector<std::size_t> with_depth;
   with_depth.reserve(observations.size());
@@ -306,7 +319,7 @@ inline double ransac_score(const Pinhole& camera, const std::vector<PointObserva
     if (!M.allFinite()) continue;
     Pose T = Pose::Identity();
     T.matrix() = M;
-    if (offer(T)) update_wanted();
+    if (offer_refined(T, false)) update_wanted();
   }
   return best;
 }
