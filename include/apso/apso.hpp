@@ -21,6 +21,7 @@
 #include <apso/observation/low_res_depth.hpp>
 #include <apso/observation/objects.hpp>
 #include <apso/observation/region_growing.hpp>
+#include <apso/observation/track_claims.hpp>
 #include <apso/options.hpp>
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/pipeline/report.hpp>

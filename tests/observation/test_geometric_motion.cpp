@@ -2,10 +2,14 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <limits>
 #include <vector>
 
+#include <apso/observation/flow_residual.hpp>
 #include <apso/observation/geometric_motion.hpp>
+#include <apso/observation/track_claims.hpp>
 
 #include "scene.hpp"
 
@@ -253,17 +257,92 @@ TEST_CASE("a track that leaves its static prediction is a seed") {
   tracks.push_back({99, 150, 60, 140, 60, 1});  // moves by 10 px
   tracks.push_back({100, 50, 60, 10, 60, 0});   // begins here: has no past
   std::vector<float> scratch;
-  std::vector<FlowSeed> seeds;
-  flow_seeds(tracks, c, Pose::Identity(), depth, 4, 3.0, scratch, seeds);
-  REQUIRE(seeds.size() == 1);
-  CHECK(seeds[0].x == 150);
-  CHECK(seeds[0].residual == doctest::Approx(10));
+  std::vector<FlowPoint> points;
+  const auto moving = [&] {
+    return std::count_if(points.begin(), points.end(), [](const FlowPoint& p) { return p.moving; });
+  };
+  flow_residuals(tracks, c, Pose::Identity(), depth, 4, points);
+  CHECK(points.size() == 21);
+  mark_moving(3.0, 0.15, scratch, points);
+  REQUIRE(moving() == 1);
+  CHECK(points.back().moving);
+  CHECK(points.back().x == 150);
+  CHECK(points.back().dx == doctest::Approx(10));
+  CHECK(points.back().residual == doctest::Approx(10));
+  CHECK(points.back().inside);
+  CHECK(track_support(points, 3.0) == doctest::Approx(20));
   // camera moves 0.1 m to the right: static points at 2 m move left by 260 * 0.1 / 2 = 13 px
   Pose T = Pose::Identity();
   T.translation().x() = -0.1;
   for (PointTrack& t : tracks) t.x = t.previous_x - 13;
-  flow_seeds(tracks, c, T, depth, 4, 3.0, scratch, seeds);
-  CHECK(seeds.empty());
+  flow_residuals(tracks, c, T, depth, 4, points);
+  mark_moving(3.0, 0.15, scratch, points);
+  CHECK(moving() == 0);
+  CHECK(points[0].expected == doctest::Approx(13));
+  // 5 px are more than 3, but not more than half of the expected motion
+  tracks[0].x += 5;
+  flow_residuals(tracks, c, T, depth, 4, points);
+  mark_moving(3.0, 0.5, scratch, points);
+  CHECK(moving() == 0);
+  mark_moving(3.0, 0.15, scratch, points);
+  CHECK(moving() == 1);
+}
+
+TEST_CASE("a track on an edge is as static as its better half") {
+  const Pinhole c = camera();
+  Image<float> depth(80, 60, 4.0F);
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 40; ++x) depth(x, y) = 2.0F;  // a near surface that ends in the middle
+  }
+  Pose T = Pose::Identity();
+  T.translation().x() = -0.1;
+  // the corner of the near surface, seen where the depth is that of the far one: moves with the near one
+  const std::vector<PointTrack> tracks{{1, 162 - 13, 100, 162, 100, 1}};
+  std::vector<FlowPoint> points;
+  flow_residuals(tracks, c, T, depth, 4, points);
+  REQUIRE(points.size() == 1);
+  CHECK(points[0].residual < 0.2F);
+  CHECK_FALSE(points[0].inside);
+}
+
+TEST_CASE("surfaces go with the nearest track along them") {
+  Image<float> depth(80, 60, 4.0F);
+  for (int y = 20; y < 50; ++y) {
+    for (int x = 30; x < 45; ++x) depth(x, y) = 2.0F;  // a body before a wall
+  }
+  const auto at = [](int x, int y, float dx, bool moving) {
+    return FlowPoint{4.0F * static_cast<float>(x) + 1.5F, 4.0F * static_cast<float>(y) + 1.5F, dx, 0, std::abs(dx), 0, true,
+                     moving};
+  };
+  std::vector<FlowPoint> points{at(34, 25, 6, true), at(40, 30, 6, true), at(36, 40, 5, true)};
+  for (int x = 4; x < 80; x += 8) points.push_back(at(x, 8, 0, false));
+  Image<std::uint8_t> claims;
+  RegionScratch scratch;
+  claim_surfaces(points, depth, 4, 12, 0.4F, 3, claims, scratch);
+  int body = 0;
+  int wall = 0;
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 80; ++x) (depth(x, y) < 3 ? body : wall) += claims(x, y) == 3 ? 1 : 0;
+  }
+  CHECK(body > 0.9 * 30 * 15);
+  CHECK(wall == 0);
+  CHECK(claims(4, 10) == kClaimedStatic);
+  CHECK(claims(70, 55) == 0);  // out of reach
+  SUBCASE("two tracks are not enough") {
+    points.erase(points.begin());
+    claim_surfaces(points, depth, 4, 12, 0.4F, 3, claims, scratch);
+    CHECK(claims(36, 40) == 0);
+  }
+  SUBCASE("tracks that wander in all directions are not believed") {
+    points[0].dx = -6;
+    claim_surfaces(points, depth, 4, 12, 0.4F, 3, claims, scratch);
+    CHECK(claims(36, 40) == 0);
+  }
+  SUBCASE("moving tracks on an edge say nothing") {
+    points[0] = at(30, 25, 6, true);
+    claim_surfaces(points, depth, 4, 12, 0.4F, 3, claims, scratch);
+    CHECK(claims(36, 40) == 0);
+  }
 }
 
 TEST_CASE("tracks find an object that has just begun to move, before it has left its place") {

@@ -38,10 +38,11 @@ struct GeometricMotionOptions {
   bool correct_prior = true;      ///< register the background first, to take the error out of the pose prior
   BackgroundRegistrationOptions registration;
   double flow_residual = 3.0;     ///< a track this far from its static prediction is moving [px]
+  double flow_share = 0.15;       ///< ... and further than this share of the motion that was expected
   double flow_span = 0.15;        ///< ... and looks back this long, for tracks that live so long [s]
   int flow_reach = 10;            ///< how far a track speaks for the surface it is on [small px]
   int flow_tracks = 3;            ///< so many moving tracks must agree on a surface
-  double flow_evidence = 0.9;     ///< log-odds that they then give it per frame
+  double flow_evidence = 0.9;     ///< log-odds that many of them give it per frame; few give less
   double persistence = 0.75;      ///< share of the past log-odds that is kept per frame where there is new evidence
   double hold = 1.0;              ///< time constant of the past log-odds where there is no new evidence [s]
   double threshold = 0.6;         ///< log-odds from which a pixel is dynamic; two frames that agree reach it
@@ -61,9 +62,10 @@ struct GeometricMotionOptions {
     v("correct_prior", s.correct_prior);
     v("registration", s.registration);
     v("flow_residual", s.flow_residual, 0.1, 1000.0);
+    v("flow_share", s.flow_share, 0.0, 10.0);
     v("flow_span", s.flow_span, 0.0, 10.0);
     v("flow_reach", s.flow_reach, 0, 254);
-    v("flow_tracks", s.flow_tracks, 1, 1000);
+    v("flow_tracks", s.flow_tracks, 2, 255);
     v("flow_evidence", s.flow_evidence, 0.0, 4.0);
     v("persistence", s.persistence, 0.0, 0.99);
     v("hold", s.hold, 1e-3, 60.0);
@@ -263,9 +265,10 @@ class GeometricMotion {
       if (best != nullptr) chosen_.push_back(best);
     }
     registration_ = register_background(depth_, small_, refined_, chosen_, options_.registration);
-    // People who fill the view can outweigh the background in depth; the tracks say whose motion was found.
+    // People who fill the view can outweigh the background in depth; the tracks say whose motion was found. They lose
+    // little by a correction of the pose, and most of their support when the motion is another body's.
     const double before = support(refined_);
-    if (support(registration_.T_world_camera) + 1e-9 >= before) {
+    if (support(registration_.T_world_camera) >= 0.7 * before) {
       refined_ = registration_.T_world_camera;
     } else {
       registration_.status = Status::Diverged;
@@ -286,6 +289,8 @@ class GeometricMotion {
     const int h = small_.height;
     log_odds_.resize(w, h);
     const auto keep_evidence = static_cast<float>(options_.persistence);
+    const auto flow_evidence = static_cast<float>(options_.flow_evidence);
+    constexpr float all_tracks = 8;  // so many that agree are as sure as any number
     const auto keep_blind = static_cast<float>(std::exp(-dt / options_.hold));
     const Pose T = inverse(previous_pose_) * refined_;
     const Eigen::Matrix3f R = T.linear().cast<float>();
@@ -314,13 +319,15 @@ class GeometricMotion {
           }
         }
         const float appeared = evidence_.appeared(x, y);
-        const float same = evidence_.same_static(x, y);
+        // a track at rest counts as a view that saw the surface at rest
+        const std::uint8_t claim = claims_(x, y);
+        const float same = evidence_.same_static(x, y) + (claim == kClaimedStatic ? 1.0F : 0.0F);
         // a static surface must be confirmed by about three views to outweigh one view that saw through the point
         // and one frame alone, whose pose may be wrong, cannot make a point dynamic
         float now = std::clamp(1.2F * (appeared - 0.35F * same), -1.5F, 0.9F * static_cast<float>(options_.threshold));
         // several tracks that move can: then "the same surface" was seen only because the body slides along itself
-        const bool moves = claims_(x, y) == static_cast<std::uint8_t>(TrackClaim::Moving);
-        if (moves) now = std::max(now, static_cast<float>(options_.flow_evidence));
+        const bool moves = claim > kClaimedStatic;
+        if (moves) now = std::max(now, flow_evidence * std::min(1.0F, static_cast<float>(claim) / all_tracks));
         const float keep = appeared + same > 0 || moves ? keep_evidence : keep_blind;
         const float before = moves ? std::max(past, 0.0F) : past;
         log_odds_(x, y) = z > 0 ? std::clamp(keep * before + now, -4.0F, 5.0F) : 0.0F;
@@ -350,7 +357,7 @@ class GeometricMotion {
     if (history_.empty()) return;
     const TrackSnapshot& past = history_.front();
     flow_residuals(spans_, camera_, inverse(refined_) * past.T_world_camera, past.depth, factor_, flow_points_);
-    mark_moving(options_.flow_residual, residuals_, flow_points_);
+    mark_moving(options_.flow_residual, options_.flow_share, residuals_, flow_points_);
     claim_surfaces(flow_points_, depth_, factor_, options_.flow_reach, static_cast<float>(options_.depth_span),
                    options_.flow_tracks, claims_, scratch_);
   }
@@ -381,7 +388,7 @@ class GeometricMotion {
       const float l = log_odds_.data()[i];
       const bool valid = depth_.data()[i] > 0;
       mask_.data()[i] = valid && l > threshold ? 1 : 0;
-      const bool moves = claims_.data()[i] == static_cast<std::uint8_t>(TrackClaim::Moving);
+      const bool moves = claims_.data()[i] > kClaimedStatic;
       may_join_.data()[i] = valid && l > -0.5F && (moves || evidence_.same_static.data()[i] < 1.0F) ? 1 : 0;
     }
     const auto area = static_cast<float>(1.0 / (small_.fx * small_.fy));

@@ -27,7 +27,6 @@ struct RegionScratch {
   Image<int> label;
   Image<float> origin;
   Image<std::uint8_t> distance;
-  Image<std::uint8_t> count;
 };
 
 /// Spreads `mask` over pixels that `may_join` and are connected to it in depth.

@@ -5,6 +5,8 @@
 /// and its new place overlap, and every recent view saw "the same surface" there. The tracks on it know better.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -17,36 +19,41 @@
 
 APSO_NAMESPACE_BEGIN
 
-enum class TrackClaim : std::uint8_t { None = 0, Static = 1, Moving = 2 };
+/// What the tracks say about a pixel: 0 nothing, kClaimedStatic, or the number of moving tracks that agree on it
+/// (at least 2, at most 255).
+inline constexpr std::uint8_t kClaimedStatic = 1;
 
 /// Spreads tracks over connected depth, all at the same speed, so that a pixel goes with the track it is nearest to
-/// along the surface. Connected areas that fewer than `least` moving tracks agree on are given up: a single track may
-/// cling to an edge where two surfaces cross.
+/// along the surface. Connected areas are given up where fewer than `least` moving tracks lie, or where these do not
+/// move the same way: a track may cling to an edge where two surfaces cross, or wander over a dark surface.
 /// \param depth low-resolution depth [m], its pixels cover factor x factor pixels
 /// \param reach how far a track speaks for its surface [small px]
 /// \param depth_span ... and over which difference in depth [m]
-/// \param claims size of depth
+/// \param least at least 2
+/// \param claims of the size of depth, see kClaimedStatic
 /// Linear in the number of pixels.
 inline void claim_surfaces(const std::vector<FlowPoint>& points, const Image<float>& depth, int factor, int reach,
                            float depth_span, int least, Image<std::uint8_t>& claims, RegionScratch& scratch) {
-  constexpr auto kStatic = static_cast<std::uint8_t>(TrackClaim::Static);
-  constexpr auto kMoving = static_cast<std::uint8_t>(TrackClaim::Moving);
+  constexpr std::uint8_t kMoving = 2;
+  constexpr float coherent = 0.7F;  // length of the mean residual over the mean length: 1 = all the same way
   const int w = depth.width();
   const int h = depth.height();
+  const auto pixel = [&](const FlowPoint& p) {
+    const int x = static_cast<int>((p.x + 0.5F) / static_cast<float>(factor));
+    const int y = static_cast<int>((p.y + 0.5F) / static_cast<float>(factor));
+    return p.x >= 0 && p.y >= 0 && x < w && y < h && depth(x, y) > 0 ? y * w + x : -1;
+  };
   claims.assign(w, h, 0);
   scratch.origin.resize(w, h);
   scratch.distance.resize(w, h);
-  scratch.count.assign(w, h, 0);
   auto& queue = scratch.queue;
   queue.clear();
   for (const FlowPoint& p : points) {
-    const int x = static_cast<int>((p.x + 0.5F) / static_cast<float>(factor));
-    const int y = static_cast<int>((p.y + 0.5F) / static_cast<float>(factor));
-    if (!(p.x >= 0 && p.y >= 0) || x >= w || y >= h || !(depth(x, y) > 0)) continue;
-    const int i = y * w + x;
-    if (p.moving && scratch.count.data()[i] < 255) ++scratch.count.data()[i];
-    if (claims.data()[i] != 0) continue;  // tracks on one small pixel: the first decides
-    claims.data()[i] = p.moving ? kMoving : kStatic;
+    const int i = pixel(p);
+    if (i < 0 || claims.data()[i] != 0) continue;  // of tracks on one small pixel the first decides
+    // a moving point on an edge may belong to the other surface
+    if (p.moving && !(p.inside && depth_span_3x3(depth, i % w, i / w).inside_surface)) continue;
+    claims.data()[i] = p.moving ? kMoving : kClaimedStatic;
     scratch.origin.data()[i] = depth.data()[i];
     scratch.distance.data()[i] = 0;
     queue.push_back(i);
@@ -72,15 +79,37 @@ inline void claim_surfaces(const std::vector<FlowPoint>& points, const Image<flo
     if (y > 0) visit(i - w);
     if (y + 1 < h) visit(i + w);
   }
+  // The moving tracks of each area, by the mark it leaves in `distance`.
+  scratch.distance.assign(w, h, 0);
+  int areas = 0;
   for_each_component(
       w, h, scratch, [&](int i) { return claims.data()[i] == kMoving; },
       [&](int i, int j) { return depth_connected(depth.data()[i], depth.data()[j]); },
       [&](const int* first, const int* last) {
-        int agree = 0;
-        for (const int* i = first; i != last; ++i) agree += scratch.count.data()[*i];
-        if (agree >= least) return;
-        for (const int* i = first; i != last; ++i) claims.data()[*i] = 0;
+        areas = areas < 254 ? areas + 1 : 255;  // what is beyond 254 areas is given up
+        for (const int* i = first; i != last; ++i) scratch.distance.data()[*i] = static_cast<std::uint8_t>(areas);
       });
+  struct Sum {
+    int count = 0;
+    float dx = 0, dy = 0, length = 0;
+  };
+  std::array<Sum, 256> sums{};
+  for (const FlowPoint& p : points) {
+    const int i = pixel(p);
+    if (i < 0 || !p.moving || claims.data()[i] != kMoving) continue;
+    Sum& s = sums[scratch.distance.data()[i]];
+    ++s.count;
+    s.dx += p.dx;
+    s.dy += p.dy;
+    s.length += p.residual;
+  }
+  for (std::size_t i = 0; i < claims.size(); ++i) {
+    if (claims.data()[i] != kMoving) continue;
+    const std::uint8_t area = scratch.distance.data()[i];
+    const Sum& s = sums[area];
+    const bool agree = area != 255 && s.count >= least && std::hypot(s.dx, s.dy) >= coherent * s.length;
+    claims.data()[i] = agree ? static_cast<std::uint8_t>(std::clamp(s.count, 2, 255)) : std::uint8_t{0};
+  }
 }
 
 APSO_NAMESPACE_END
