@@ -25,6 +25,7 @@
 #include <apso/quality/explain.hpp>
 #include <apso/version.hpp>
 
+#include "track/degraded_source.hpp"
 #include "track/frame_source.hpp"
 #include "track/output.hpp"
 #include "track/plots.hpp"
@@ -49,6 +50,7 @@ struct Arguments {
   std::string masks;
   std::string detections;
   std::string motion = "geometric";
+  std::string spoil;
   bool no_refinement = false;
   bool write_masks = false;
   bool true_masks = false;
@@ -139,12 +141,13 @@ int run(const Arguments& a) {
   if (a.motion == "none") options.pipeline.motion = false;
   if (a.no_refinement) options.pipeline.refinement = false;
 
-  const std::unique_ptr<track::FrameSource> source = open_source(a);
+  std::unique_ptr<track::FrameSource> source = open_source(a);
+  auto* const synthetic = dynamic_cast<track::SyntheticSource*>(source.get());
+  if (!a.spoil.empty()) source = std::make_unique<track::DegradedSource>(std::move(source), a.spoil);
   std::unique_ptr<track::MaskFolder> masks;
   if (!a.masks.empty()) masks = std::make_unique<track::MaskFolder>(a.masks);
   std::unique_ptr<track::DetectionFile> detections;
   if (!a.detections.empty()) detections = std::make_unique<track::DetectionFile>(a.detections);
-  auto* const synthetic = dynamic_cast<track::SyntheticSource*>(source.get());
   if (a.true_masks && synthetic == nullptr) throw apso::io_error("--true-masks: only synthetic sequences have true masks");
 
   const fs::path out(a.output);
@@ -211,7 +214,7 @@ int run(const Arguments& a) {
 
       if (report.state != apso::SceneState::Lost) final_poses.push_back({frame.timestamp, report.T_world_camera});
       if (features.ok) feature_poses.push_back({frame.timestamp, report.T_world_feature});
-      table.write(i, report, observation, features, tracker.keyframes(), tracker.landmarks(), ms);
+      table.write(i, source->label(i), report, observation, features, tracker.keyframes(), tracker.landmarks(), ms);
       reports.push_back(report);
       timings.push_back(ms);
       overlays.offer(i, total, report, [&] {
@@ -232,6 +235,7 @@ int run(const Arguments& a) {
 
   apso::write_trajectory((out / "trajectory.txt").string(), final_poses);
   apso::write_trajectory((out / "trajectory_features.txt").string(), feature_poses);
+  if (!source->groundtruth().empty()) apso::write_trajectory((out / "groundtruth.txt").string(), source->groundtruth());
   overlays.finish();
 
   int bad = 0, lost = 0, initialising = 0, refined = 0;
@@ -321,6 +325,8 @@ int main(int argc, char** argv) {
   app.add_flag("--write-masks", a.write_masks, "write masks/ (8-bit PNG, 255 = dynamic, named by the colour stamp)");
   app.add_option("--threads", a.threads, "threads of the image operations")->check(CLI::Range(1, 256))->capture_default_str();
   app.add_option("--max-frames", a.max_frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);
+  app.add_option("--spoil", a.spoil, "spoil two frames of every twenty, to see whether they are noticed")
+      ->check(CLI::IsMember(track::DegradedSource::kinds()));
   app.add_option("--people", a.people, "synthetic sequences: number of walking people")->check(CLI::Range(0, 3));
   app.add_option("--seed", a.seed, "synthetic sequences: seed of the world and its noise")->capture_default_str();
   app.add_flag("--true-masks", a.true_masks, "synthetic sequences: use the true masks");

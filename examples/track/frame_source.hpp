@@ -42,6 +42,8 @@ class FrameSource {
   [[nodiscard]] virtual const apso::Trajectory& groundtruth() const = 0;
   [[nodiscard]] virtual const std::vector<std::string>& warnings() const = 0;
   [[nodiscard]] virtual double timestamp(int i) const = 0;
+  /// Why frame i is known to be hard; empty when nothing is known.
+  [[nodiscard]] virtual std::string label(int) const { return {}; }
 };
 
 class SyntheticSource final : public FrameSource {
@@ -66,6 +68,10 @@ class SyntheticSource final : public FrameSource {
   const apso::Trajectory& groundtruth() const override { return truth_; }
   const std::vector<std::string>& warnings() const override { return warnings_; }
   double timestamp(int i) const override { return sequence_.timestamp(i); }
+  std::string label(int i) const override {
+    const apso::testing::Stress s = sequence_.stress(i);
+    return s == apso::testing::Stress::None ? "" : to_string(s);
+  }
   const apso::testing::SyntheticFrame& truth() const { return frame_; }
 
  private:

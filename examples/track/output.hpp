@@ -37,7 +37,7 @@ class FrameTable {
  public:
   explicit FrameTable(const std::string& file) : stream_(file) {
     if (!stream_) throw apso::io_error(file + ": cannot write");
-    stream_ << "frame,timestamp,state,S_conf,S_spatial,S_feature,S_depth,S_total,S_mc,S_dc,S_dec,S_change,S_step,dynamic_ratio,"
+    stream_ << "frame,timestamp,state,label,S_conf,S_spatial,S_feature,S_depth,S_total,S_mc,S_dc,S_dec,S_change,S_step,dynamic_ratio,"
                "W_base,W_change,S_final,th_differ,th_f,th_s,degraded,benchmark_updated,benchmark_age_s,keypoints_static,"
                "objects,feature_ok,feature_matches,feature_inliers,keyframes,landmarks,refined,refine_status,w_diff,w_eff,"
                "c_dir,references,far_reference,gated,valid_share,scale_intensity,scale_depth,degenerate_directions,"
@@ -45,7 +45,7 @@ class FrameTable {
   }
 
   template <class FeatureResult>
-  void write(int frame, const apso::FrameReport& r, const apso::Observation& seen, const FeatureResult& features,
+  void write(int frame, const std::string& label, const apso::FrameReport& r, const apso::Observation& seen, const FeatureResult& features,
              int keyframes, int landmarks, const Timing& ms) {
     const apso::Assessment& a = r.assessment;
     first_ = true;
@@ -54,6 +54,7 @@ class FrameTable {
     std::snprintf(stamp, sizeof stamp, "%.6f", r.timestamp);
     text(stamp);
     text(to_string(r.state));
+    text(label);
     score(a.S_conf);
     score(a.S_spatial);
     score(a.S_feature);

@@ -99,6 +99,65 @@ TEST_CASE("names and options are checked") {
   CHECK_THROWS_AS(s.render(s.size(), f), contract_error);
 }
 
+TEST_CASE("stress recordings are hard where they say so, and as calm as static_xyz elsewhere") {
+  SyntheticOptions o = small();
+  o.exposure_drift = false;
+  const SyntheticSequence calm("static_xyz", o);
+  SyntheticFrame f, g;
+  const auto mean = [](const Image<float>& im) {
+    double s = 0;
+    for (std::size_t i = 0; i < im.size(); ++i) s += static_cast<double>(im.data()[i]);
+    return s / static_cast<double>(im.size());
+  };
+  const auto energy = [](const Image<float>& im) {  // of horizontal and vertical differences
+    double s = 0;
+    for (int y = 1; y < im.height(); ++y) {
+      for (int x = 1; x < im.width(); ++x) {
+        const double dx = static_cast<double>(im(x, y) - im(x - 1, y));
+        const double dy = static_cast<double>(im(x, y) - im(x, y - 1));
+        s += dx * dx + dy * dy;
+      }
+    }
+    return s;
+  };
+  for (const std::string kind : {"ceiling", "roll", "crowd", "dark", "flash", "dropout"}) {
+    CAPTURE(kind);
+    const SyntheticSequence s("stress_" + kind, o);
+    int labelled = 0;
+    int first = -1;
+    for (int i = 0; i < s.size(); ++i) {
+      const bool hard = s.stress(i) != Stress::None;
+      if (hard) CHECK(to_string(s.stress(i)) == kind);
+      labelled += hard;
+      if (hard && first < 0) first = i;
+    }
+    CHECK(labelled > 30);
+    CHECK(labelled < 150);
+    REQUIRE(first > 45);  // time to begin in peace
+    calm.render(20, g);
+    s.render(20, f);
+    CHECK(f.stress == Stress::None);
+    CHECK(same(f.instance, g.instance));
+    CHECK(f.T_world_camera.matrix() == g.T_world_camera.matrix());
+    for (const int i : {first + 2, first + 3}) {
+      calm.render(i, g);
+      s.render(i, f);
+      REQUIRE(f.stress == s.stress(i));
+      if (kind == "ceiling") CHECK(energy(f.intensity) < 0.05 * energy(g.intensity));
+      if (kind == "roll") CHECK(energy(f.intensity) < 0.35 * energy(g.intensity));
+      if (kind == "crowd") CHECK((dynamic_share(f) > 0.6 && dynamic_share(f) < 0.95));
+      if (kind == "dark") CHECK(mean(f.intensity) < 0.15 * mean(g.intensity));
+      if (kind == "flash") CHECK(mean(f.intensity) > 0.9);
+      if (kind == "dropout") CHECK(mean(f.depth) == 0);
+    }
+  }
+  o.frames = 540;
+  const SyntheticSequence all("stress_all", o);
+  std::vector<int> seen(enum_names(Stress{}).size(), 0);
+  for (int i = 0; i < all.size(); ++i) ++seen[static_cast<std::size_t>(all.stress(i))];
+  for (const int n : seen) CHECK(n > 8);
+}
+
 TEST_CASE("sizes, ranges and the camera") {
   const SyntheticSequence s("walking_xyz", small());
   SyntheticFrame f;

@@ -13,6 +13,8 @@
 ///
 /// Names are made of who is there (walking: `people`, static: nobody) and how the camera moves, after the recordings
 /// freiburg3_walking_* of the TUM RGB-D benchmark (Sturm et al., IROS 2012): xyz, halfsphere, rpy, static.
+/// stress_*: the path of static_xyz, interrupted by spans in which features fail; `SyntheticFrame::stress` labels them
+/// (synthetic_stress.hpp lists the causes; stress_all has them in turn and needs 540 frames for a full round).
 /// World: x right, y down, z into the room [m]. The same name, options and frame number give the same frame, whatever
 /// was rendered before.
 #pragma once
@@ -30,6 +32,7 @@
 #include <apso/testing/synthetic_render.hpp>
 #include <apso/testing/synthetic_scene.hpp>
 #include <apso/testing/synthetic_sensor.hpp>
+#include <apso/testing/synthetic_stress.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
 #include <apso/types/rgbd_frame.hpp>
@@ -42,7 +45,7 @@ struct SyntheticOptions {
   int frames = 300;              ///< length, at 30 Hz
   int width = 640;               ///< pixels; the camera of freiburg3 is scaled to this size
   int height = 480;              ///< pixels
-  int people = 2;                ///< walking people; recordings named static_* have none
+  int people = 2;                ///< walking people; only recordings named walking_* have them
   unsigned seed = 1;             ///< room, people, path and noise all depend on it
   bool noise = true;             ///< noise of colour and depth, holes in the depth; false: exact
   bool blur = true;              ///< motion blur
@@ -73,6 +76,7 @@ struct SyntheticFrame {
   Image<float> depth;            ///< [m], 0 where there is none
   Image<std::uint8_t> instance;  ///< 0: does not move, k: person k
   Pose T_world_camera = Pose::Identity();
+  Stress stress = Stress::None;  ///< why the frame is hard
 
   /// Intensity and depth as the library takes them; valid as long as this frame lives.
   [[nodiscard]] RgbdFrame rgbd() const { return {timestamp, intensity.view(), depth.view()}; }
@@ -109,7 +113,11 @@ class SyntheticSequence {
         camera_(freiburg3_camera(options.width, options.height)),
         people_(name.compare(0, 7, "walking") == 0 ? options.people : 0),
         path_(motion_of(name), options.seed),
-        scene_(make_room(options.seed, people_)) {
+        stress_(name.compare(0, 7, "stress_") == 0 ? StressPlan(name.substr(7), options.seed) : StressPlan()),
+        scene_(make_room(options.seed, stress_.active() ? StressPlan::kBlockers : people_)) {
+    if (stress_.active()) {
+      for (int i = 0; i < StressPlan::kBlockers; ++i) blockers_.emplace_back(i, scene_.first_cloth);
+    }
     for (int i = 0; i < people_; ++i) {
       walkers_.emplace_back(i, people_, scene_.first_cloth, options.seed, options.frames / kRate);
     }
@@ -120,31 +128,40 @@ class SyntheticSequence {
   /// Every name the constructor takes.
   [[nodiscard]] static std::vector<std::string> names() {
     return {"walking_xyz", "walking_halfsphere", "walking_rpy", "walking_static",
-            "static_xyz",  "static_halfsphere",  "static_rpy",  "static_static"};
+            "static_xyz",  "static_halfsphere",  "static_rpy",  "static_static",
+            "stress_ceiling", "stress_roll", "stress_crowd", "stress_dark", "stress_flash", "stress_dropout", "stress_all"};
   }
 
   [[nodiscard]] int size() const { return options_.frames; }
   [[nodiscard]] const Pinhole& camera() const { return camera_; }
   [[nodiscard]] const SyntheticOptions& options() const { return options_; }
-  /// People in the recording: 0 for static_*.
+  /// People who walk in the recording: 0 but for walking_*.
   [[nodiscard]] int people() const { return people_; }
   /// Time of frame i [s].
   [[nodiscard]] double timestamp(int i) const { return i / kRate; }
   /// True pose of frame i, without rendering it.
-  [[nodiscard]] Pose T_world_camera(int i) const { return path_(timestamp(i)); }
+  [[nodiscard]] Pose T_world_camera(int i) const { return pose_at(timestamp(i)); }
+  /// Why frame i is hard.
+  [[nodiscard]] Stress stress(int i) const {
+    return stress_.label(timestamp(i), velocity_at(timestamp(i)).tail<3>().norm());
+  }
 
   /// Makes frame i, 0 <= i < size(). The images of `out` are reused.
   void render(int i, SyntheticFrame& out) const {
     expects(i >= 0 && i < options_.frames, "SyntheticSequence::render: frame number out of range");
     const double t = timestamp(i);
     out.timestamp = t;
-    out.T_world_camera = path_(t);
+    out.T_world_camera = pose_at(t);
+    out.stress = stress(i);
 
     std::vector<Limb> limbs;
     std::array<Limb, Walker::kLimbs> body;
     for (const Walker& w : walkers_) {
       w.limbs(t, body);
       limbs.insert(limbs.end(), body.begin(), body.end());
+    }
+    for (std::size_t b = 0; b < blockers_.size(); ++b) {
+      if (!add_blocker(b, t, limbs)) break;
     }
     const Renderer renderer(scene_, camera_, out.T_world_camera, limbs);
     Canvas3d drawn;
@@ -157,9 +174,7 @@ class SyntheticSequence {
       out.instance.data()[k] = id < faces ? std::uint8_t{0} : static_cast<std::uint8_t>(limbs[id - faces].instance);
     }
 
-    // velocity of the camera in its own frame, by central differences
-    const double h = 1e-3;
-    const Twist velocity = se3_log(inverse(path_(t - h)) * path_(t + h)) / (2 * h);
+    const Twist velocity = velocity_at(t);
     ImageMotion motion;
     motion.angular = velocity.tail<3>().cast<float>();
     motion.linear.push_back(velocity.head<3>().cast<float>());
@@ -172,9 +187,11 @@ class SyntheticSequence {
       gain += 0.07 * std::sin(2 * kPi * t / 8.7 + exposure_phase_) +
               0.03 * std::sin(2 * kPi * t / 3.1 + 2 * exposure_phase_);
     }
+    if (stress_.active()) gain *= stress_.light(t);
     const std::uint64_t seed = hash64(options_.seed + 0x5EED00000000ULL * static_cast<std::uint64_t>(i + 1));
-    expose(drawn, faces, camera_, motion, options_.blur ? options_.exposure_time : 0.0, gain,
-           options_.noise ? options_.image_noise : 0.0, seed, normal_, out.rgb, out.intensity);
+    const double shutter = stress_.exposure(t, options_.blur ? options_.exposure_time : 0.0);
+    expose(drawn, faces, camera_, motion, shutter, gain, options_.noise ? options_.image_noise : 0.0, seed, normal_,
+           out.rgb, out.intensity, stress_.active() ? 64 : 12);
     if (options_.noise) {
       sense_depth(drawn, renderer, camera_, seed, normal_, out.depth);
     } else {
@@ -184,9 +201,46 @@ class SyntheticSequence {
         out.depth.data()[k] = iz > 0 ? 1 / iz : 0.0F;
       }
     }
+    if (stress_.depth_fails(t)) out.depth.assign(camera_.width, camera_.height, 0.0F);
   }
 
  private:
+  [[nodiscard]] Pose pose_at(double t) const {
+    Pose T = path_(t);
+    if (stress_.active()) T.linear() = T.linear() * stress_.turn(t);
+    return T;
+  }
+  /// Velocity of the camera in its own frame, by central differences.
+  [[nodiscard]] Twist velocity_at(double t) const {
+    const double h = 1e-3;
+    return se3_log(inverse(pose_at(t - h)) * pose_at(t + h)) / (2 * h);
+  }
+  /// Places a person half a metre before the camera, a little to the left or right of its view; false outside of a
+  /// Crowd span.
+  bool add_blocker(std::size_t number, double t, std::vector<Limb>& limbs) const {
+    const StressPlan::Moment m = stress_.at(t);
+    if (m.cause != Stress::Crowd) return false;
+    const auto place = [&](double when) -> Eigen::Vector2d {
+      const double start = StressPlan::kFirst + m.number * StressPlan::kEvery;
+      const Eigen::Vector3d camera = path_(start + 1.0).translation();
+      const double side = number == 0 ? -1.0 : 1.0;
+      const double close = StressPlan::arrival(when - start);
+      const double drift = 0.08 * std::sin(1.9 * when + 2.0 * static_cast<double>(number));  // nobody stands still
+      return {camera.x() + side * (0.29 + 1.3 * (1 - close)) + drift, camera.z() + 0.68 + 0.04 * side};
+    };
+    const double h = 1e-3;
+    Walker person = blockers_[number];
+    std::array<Limb, Walker::kLimbs> body;
+    std::array<Limb, Walker::kLimbs> later;
+    person.place(place(t + h));
+    person.limbs(t + h, later);
+    person.place(place(t));
+    person.limbs(t, body);
+    for (std::size_t i = 0; i < body.size(); ++i) body[i].velocity = (later[i].centre - body[i].centre) / h;
+    limbs.insert(limbs.end(), body.begin(), body.end());
+    return true;
+  }
+
   static constexpr double kRate = 30;  // frames per second
 
   static const SyntheticOptions& checked(const std::string& name, const SyntheticOptions& options) {
@@ -202,7 +256,7 @@ class SyntheticSequence {
   }
   static CameraMotion motion_of(const std::string& name) {
     const std::string kind = name.substr(name.find('_') + 1);
-    if (kind == "xyz") return CameraMotion::Xyz;
+    if (kind == "xyz" || name.compare(0, 7, "stress_") == 0) return CameraMotion::Xyz;
     if (kind == "halfsphere") return CameraMotion::Halfsphere;
     if (kind == "rpy") return CameraMotion::Rpy;
     return CameraMotion::Static;
@@ -212,8 +266,10 @@ class SyntheticSequence {
   Pinhole camera_;
   int people_;
   CameraPath path_;
+  StressPlan stress_;
   Scene scene_;
   std::vector<Walker> walkers_;
+  std::vector<Walker> blockers_;
   NormalTable normal_;
   double exposure_phase_ = 0;
 };

@@ -184,6 +184,15 @@ class Walker {
     }
   }
 
+  /// Somebody who goes where `place` says instead, facing the camera.
+  Walker(int number, int first_cloth) : instance_(number + 1), cloth_(first_cloth + 4 * number) {
+    Leg leg;
+    leg.heading = kPi;
+    legs_.push_back(leg);
+  }
+  /// Moves somebody of the second kind to a place (x, z) in the world [m].
+  void place(const Eigen::Vector2d& at) { legs_[0].from = legs_[0].to = at; }
+
   /// The body at time t [s].
   void limbs(double t, std::array<Limb, kLimbs>& out) const {
     body(t, out);

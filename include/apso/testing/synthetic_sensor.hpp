@@ -56,9 +56,10 @@ struct ImageMotion {
 /// \param exposure how long the shutter is open [s], 0: no blur
 /// \param gain     brightness factor of this frame
 /// \param noise    standard deviation [grey values of 255]; 0: none
+/// \param most_taps samples along a blurred path: blur of up to twice as many pixels is smooth
 inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& camera, const ImageMotion& motion,
                    double exposure, double gain, double noise, std::uint64_t seed, const NormalTable& normal,
-                   Image<std::uint8_t>& rgb, Image<float>& intensity) {
+                   Image<std::uint8_t>& rgb, Image<float>& intensity, int most_taps = 12) {
   const int width = camera.width;
   const int height = camera.height;
   rgb.resize(3 * width, height);
@@ -98,7 +99,7 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
       float g;
       float bl;
       if (length > 0.75F) {  // mean along the path of the surface during the exposure
-        const int taps = std::min(12, 2 + static_cast<int>(0.5F * length));
+        const int taps = std::min(most_taps, 2 + static_cast<int>(0.5F * length));
         Lanes sum = 0;
         const float step = 1.0F / static_cast<float>(taps);
         for (int k = 0; k < taps; ++k) {
