@@ -41,7 +41,8 @@ class FrameTable {
                "W_base,W_change,S_final,th_differ,th_f,th_s,degraded,benchmark_updated,benchmark_age_s,keypoints_static,"
                "objects,feature_ok,feature_matches,feature_inliers,keyframes,landmarks,refined,refine_status,w_diff,w_eff,"
                "c_dir,references,far_reference,gated,valid_share,scale_intensity,scale_depth,degenerate_directions,"
-               "iterations,ms_load,ms_features,ms_observe,ms_assess,ms_refine,ms_map,ms_total,explanation\n";
+               "iterations,ms_load,ms_features,ms_observe,ms_assess,ms_refine,ms_map,ms_total,S_cnt,S_resp,S_unif,S_sharp,sharp_x,sharp_y,S_cov,S_cons,S_smo,flow,"
+               "track_overlap,depth_mean,depth_spread,depth_overlap,step_flow,explanation\n";
   }
 
   template <class FeatureResult>
@@ -98,6 +99,21 @@ class FrameTable {
     optional(tried, d.alignment.degenerate_count);
     optional(tried, d.alignment.iterations);
     for (double v : {ms.load, ms.features, ms.observe, ms.assess, ms.refine, ms.map, ms.total()}) put(v);
+    put(a.feature_parts.S_cnt);
+    put(a.feature_parts.S_resp);
+    put(a.feature_parts.S_unif);
+    score(a.S_sharp);
+    put(a.sharpness.ratio_x);
+    put(a.sharpness.ratio_y);
+    put(a.depth_parts.S_cov);
+    put(a.depth_parts.S_cons);
+    put(a.depth_parts.S_smo);
+    optional(a.S_mc.has_value(), 0.5 * (a.motion_parts.m_point + a.motion_parts.m_grid));
+    optional(a.S_mc.has_value(), a.motion_parts.overlap);
+    optional(a.S_dc.has_value(), a.depth_change_parts.mean);
+    optional(a.S_dc.has_value(), a.depth_change_parts.spread);
+    optional(a.S_dc.has_value(), a.depth_change_parts.overlap);
+    optional(a.S_step.has_value(), a.step_flow);
     text("\"" + explain(a) + "\"");
     stream_ << '\n';
     stream_.flush();  // what is computed is kept, whatever happens next

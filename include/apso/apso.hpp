@@ -6,6 +6,7 @@
 #include <apso/config.hpp>
 #include <apso/evaluation/association.hpp>
 #include <apso/evaluation/ate.hpp>
+#include <apso/evaluation/decision_analysis.hpp>
 #include <apso/evaluation/rpe.hpp>
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/executor.hpp>
@@ -39,6 +40,7 @@
 #include <apso/quality/motion_change.hpp>
 #include <apso/quality/running_window.hpp>
 #include <apso/quality/scene_decision.hpp>
+#include <apso/quality/sharpness.hpp>
 #include <apso/quality/spatial.hpp>
 #include <apso/quality/static_pixel.hpp>
 #include <apso/quality/weighted_mean.hpp>

@@ -23,6 +23,7 @@
 #include <apso/quality/motion_change.hpp>
 #include <apso/quality/running_window.hpp>
 #include <apso/quality/scene_decision.hpp>
+#include <apso/quality/sharpness.hpp>
 #include <apso/quality/spatial.hpp>
 #include <apso/quality/static_pixel.hpp>
 #include <apso/types/detection.hpp>
@@ -48,6 +49,7 @@ struct AssessorOptions {
   ConfidenceOptions confidence;
   SpatialOptions spatial;
   FeatureOptions feature;
+  SharpnessOptions sharpness;
   DepthQualityOptions depth;
   FrameWeights frame_weights;
   MotionChangeOptions motion_change;
@@ -59,12 +61,13 @@ struct AssessorOptions {
   InitialisationOptions initialisation;
   DecisionOptions decision;
   BenchmarkOptions benchmark;
-  int response_window = 300;  ///< GOOD frames the reference response s_ref is the median of
+  int response_window = 300;  ///< GOOD frames that s_ref and the usual sharpness are the medians of
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("confidence", s.confidence);
     v("spatial", s.spatial);
     v("feature", s.feature);
+    v("sharpness", s.sharpness);
     v("depth", s.depth);
     v("frame_weights", s.frame_weights);
     v("motion_change", s.motion_change);
@@ -82,7 +85,8 @@ struct AssessorOptions {
 
 /// What is known about a frame when it is assessed. Nothing is kept beyond the call.
 struct AssessmentInput {
-  RgbdFrame frame;                               ///< depth may be empty: S_depth and S_dc are missing then
+  RgbdFrame frame;                               ///< without intensity blur is not seen, without depth S_depth and
+                                                 ///< S_dc are missing
   ImageView<const float> dynamic_probability;    ///< [0,1], of the frame's size; empty = everything static
   const std::vector<Keypoint>* keypoints = nullptr;   ///< null: S_feature is missing
   const std::vector<PointTrack>* tracks = nullptr;    ///< null: S_mc is missing
@@ -137,7 +141,10 @@ struct Assessment {
 
   FeatureMeasure features;      ///< counts behind S_feature
   FeatureScore feature_parts;   ///< S_cnt, S_resp, S_unif
+  SharpnessMeasure sharpness;   ///< contrast ratios behind S_sharp
+  MaybeQuality S_sharp;         ///< factor of S_feature; missing without an intensity image
   DepthScore depth_parts;       ///< S_cov, S_cons, S_smo
+  double step_flow = 0;         ///< flow against the frame before, mean of point and grid [image diagonals]
   MotionChange motion_parts;    ///< flow and overlap behind S_mc
   DepthChange depth_change_parts;
   DetectionChange detection_parts;
@@ -158,7 +165,9 @@ class SceneAssessor {
         initialiser_(options.initialisation),
         decision_(options.decision),
         benchmark_(options.benchmark),
-        responses_(static_cast<std::size_t>(options.response_window)) {
+        responses_(static_cast<std::size_t>(options.response_window)),
+        sharpness_x_(static_cast<std::size_t>(options.response_window)),
+        sharpness_y_(static_cast<std::size_t>(options.response_window)) {
     camera_.validate();
   }
 
@@ -197,6 +206,8 @@ class SceneAssessor {
   void reset() {
     a_ = Assessment{};
     responses_.clear();
+    sharpness_x_.clear();
+    sharpness_y_.clear();
     has_previous_ = false;
     steady_frames_ = 0;
     reset_benchmark();
@@ -227,6 +238,8 @@ class SceneAssessor {
     expects(std::isfinite(in.frame.timestamp), "SceneAssessor: the timestamp is not finite");
     expects(in.frame.depth.empty() || fits(in.frame.depth.width, in.frame.depth.height),
             "SceneAssessor: the depth image has not the size of the camera");
+    expects(in.frame.intensity.empty() || fits(in.frame.intensity.width, in.frame.intensity.height),
+            "SceneAssessor: the intensity image has not the size of the camera");
     expects(in.dynamic_probability.empty() || fits(in.dynamic_probability.width, in.dynamic_probability.height),
             "SceneAssessor: the dynamic map has not the size of the camera");
   }
@@ -239,10 +252,15 @@ class SceneAssessor {
     if (in.keypoints) {
       a_.features = measure_features(*in.keypoints, in.dynamic_probability, w, h, o_.feature, feature_scratch_);
       a_.static_keypoints = a_.features.static_keypoints;
-      if (!benchmark_.present() && a_.static_keypoints > 0) responses_.add(a_.features.median_response);
+      if (o_.sharpness.enabled) a_.sharpness = measure_sharpness(in.frame.intensity, o_.sharpness);
+      if (!benchmark_.present()) learn_usual();
       a_.response_reference = std::max(o_.feature.response_floor, responses_.median());
       a_.feature_parts = feature_score(a_.features, a_.response_reference, o_.feature);
       a_.S_feature = a_.feature_parts.score;
+      if (a_.sharpness.valid) {
+        a_.S_sharp = sharpness_score(a_.sharpness, sharpness_x_.median(), sharpness_y_.median(), o_.sharpness);
+        a_.S_feature = Quality(a_.S_feature->value() * a_.S_sharp->value());
+      }
     }
     if (!in.frame.depth.empty()) {
       a_.depth_parts = depth_score(in.frame.depth, o_.depth);
@@ -251,6 +269,15 @@ class SceneAssessor {
     const MaybeQuality total = frame_score(a_.S_conf, a_.S_spatial, a_.S_feature, a_.S_depth, o_.frame_weights);
     a_.S_total_missing = !total;
     a_.S_total = total.value_or(Quality(0.0));
+  }
+
+  /// The response and the sharpness that are usual here.
+  void learn_usual() {
+    if (a_.static_keypoints > 0) responses_.add(a_.features.median_response);
+    if (a_.sharpness.valid) {
+      sharpness_x_.add(a_.sharpness.ratio_x);
+      sharpness_y_.add(a_.sharpness.ratio_y);
+    }
   }
 
   void take_snapshot(const AssessmentInput& in) {
@@ -336,8 +363,9 @@ class SceneAssessor {
   /// Counts the frames that are good by themselves and continue the one before.
   void follow_steps() {
     if (has_previous_) {
-      a_.S_step = o_.change_baseline == ChangeBaseline::Previous ? a_.S_change
-                                                                 : compare(previous_, ChangeBaseline::Previous).S_change;
+      const Change step = compare(previous_, ChangeBaseline::Previous);
+      a_.S_step = step.S_change;
+      a_.step_flow = 0.5 * (step.motion.m_point + step.motion.m_grid);
     }
     const bool steady = a_.S_step && a_.S_step->value() <= o_.benchmark.max_step && a_.feature_tracking_ok &&
                         a_.S_total.value() >= o_.decision.th_differ && a_.dynamic_ratio <= o_.benchmark.max_dynamic;
@@ -391,7 +419,7 @@ class SceneAssessor {
     const bool good = d.good && a_.feature_tracking_ok;
     a_.state = good ? SceneState::Good : SceneState::Bad;
     decision_.remember(d, good);
-    if (good && a_.static_keypoints > 0) responses_.add(a_.features.median_response);
+    if (good) learn_usual();
 
     a_.benchmark_updated = update_benchmark(good);
     if (a_.benchmark_updated && benchmark_.reference().S_total.value() >= o_.initialisation.quality_min) {
@@ -422,6 +450,8 @@ class SceneAssessor {
   SceneDecision decision_;
   Benchmark benchmark_;
   RunningWindow responses_;
+  RunningWindow sharpness_x_;
+  RunningWindow sharpness_y_;
   Assessment a_;
   FrameSnapshot current_;
   FrameSnapshot best_;

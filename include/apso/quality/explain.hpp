@@ -37,6 +37,7 @@ APSO_NAMESPACE_BEGIN
     if (a.S_feature->value() < 0.7) {
       s << ": " << a.static_keypoints << " static keypoints in " << a.features.occupied_cells << " of "
         << a.features.valid_cells << " cells";
+      if (a.S_sharp && a.S_sharp->value() < 0.7) s << ", blurred (S_sharp " << a.S_sharp->value() << ')';
       if (a.feature_parts.S_resp < 0.7) s << ", weak response " << a.features.median_response;
     }
   }

@@ -23,11 +23,11 @@ namespace testing {
 /// Why a frame is hard.
 enum class Stress {
   None,
-  Ceiling,  ///< the camera sees nothing but a plain ceiling
+  Ceiling,  ///< the camera turns up fast, sees nothing but a plain ceiling, and turns back
   Roll,     ///< fast rotation, mostly roll, with a long exposure: motion blur of 40 pixels and more
   Crowd,    ///< people stand close before the camera: most of the image moves with them
   Dark,     ///< the light goes out: 5 % of the brightness, the noise stays
-  Flash,    ///< overexposed for a few frames
+  Flash,    ///< overexposed for four frames: nothing but the darkest things is left
   Dropout   ///< no depth
 };
 constexpr std::array<const char*, 7> enum_names(Stress) {
@@ -98,7 +98,7 @@ class StressPlan {
   [[nodiscard]] double light(double t) const {
     const Moment m = at(t);
     if (m.cause == Stress::Dark) return 1 - 0.95 * plateau(m.since, 0, 1.2, 0.1);
-    if (m.cause == Stress::Flash) return flashing(m.since) ? 4.0 * strength_ : 1.0;
+    if (m.cause == Stress::Flash) return flashing(m.since) ? 12.0 * strength_ : 1.0;
     return 1;
   }
   /// How long the shutter is open [s].
@@ -118,9 +118,9 @@ class StressPlan {
   [[nodiscard]] Stress label(double t, double angular_speed) const {
     const Moment m = at(t);
     switch (m.cause) {
-      case Stress::Ceiling: return plateau(m.since, 0, 2.0, 0.6) * 78 >= 48 ? m.cause : Stress::None;
+      case Stress::Ceiling: return plateau(m.since, 0, 2.0, 0.6) * 78 >= 18 ? m.cause : Stress::None;
       case Stress::Roll:
-        return m.since < 1.0 && angular_speed >= 180 * kPi / 180 ? m.cause : Stress::None;
+        return m.since < 1.0 && angular_speed >= 60 * kPi / 180 ? m.cause : Stress::None;
       case Stress::Crowd: return arrival(m.since) >= 0.97 ? m.cause : Stress::None;
       case Stress::Dark: return light(t) <= 0.12 ? m.cause : Stress::None;
       case Stress::Flash: return flashing(m.since) ? m.cause : Stress::None;
