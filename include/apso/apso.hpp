@@ -29,6 +29,7 @@
 #include <apso/quality/adaptive_threshold.hpp>
 #include <apso/quality/assessor.hpp>
 #include <apso/quality/benchmark.hpp>
+#include <apso/quality/calibration.hpp>
 #include <apso/quality/change_score.hpp>
 #include <apso/quality/confidence.hpp>
 #include <apso/quality/depth.hpp>
@@ -42,6 +43,7 @@
 #include <apso/quality/scene_decision.hpp>
 #include <apso/quality/sharpness.hpp>
 #include <apso/quality/spatial.hpp>
+#include <apso/quality/spread.hpp>
 #include <apso/quality/static_pixel.hpp>
 #include <apso/quality/weighted_mean.hpp>
 #include <apso/refinement/align.hpp>

@@ -68,7 +68,8 @@ TEST_CASE("weighted mean leaves out what is missing") {
   CHECK_THROWS_AS((void)(weighted_mean<Quality, 2>({Quality(1), Quality(1)}, {.5, .6})), contract_error);
   CHECK_THROWS_AS((void)(weighted_mean<Quality, 2>({Quality(1), Quality(1)}, {1.5, -.5})), contract_error);
   // no objects: (.1 + .55 * .95 + .2) / .85
-  CHECK(frame_score(std::nullopt, Quality(1), Quality(.95), Quality(1))->value() == Approx(.96765).epsilon(1e-5));
+  const FrameWeights w{.15, .10, .55, .20};
+  CHECK(frame_score(std::nullopt, Quality(1), Quality(.95), Quality(1), w)->value() == Approx(.96765).epsilon(1e-5));
 }
 
 TEST_CASE("S_conf") {
@@ -293,8 +294,10 @@ TEST_CASE("S_mc") {
 }
 
 TEST_CASE("S_dc") {
-  CHECK(depth_deviation(.15, .25, 1).value() == Approx(.63212).epsilon(1e-4));
   DepthChangeOptions o;
+  o.scale_mean = .15;
+  o.scale_spread = .25;
+  CHECK(depth_deviation(.15, .25, 1, o).value() == Approx(.63212).epsilon(1e-4));
   DepthSamples a;
   DepthSamples b;
   sample_depth(Image<float>(64, 48, 2.F), {}, o, a);
@@ -386,6 +389,7 @@ TEST_CASE("boost, weights, S_final") {
 TEST_CASE("hysteresis") {
   DecisionOptions o;
   o.hysteresis = .03;
+  o.th_differ = .60;
   SceneDecision d(o);
   Decision x = d.decide(Quality(.61), {}, {}, {}, .1);
   CHECK(x.good);

@@ -23,9 +23,9 @@ constexpr std::array<const char*, 2> enum_names(ChangeBaseline) { return {"refer
 
 /// Weights of the change score. They sum to 1.
 struct ChangeWeights {
-  double motion = 0.4;
-  double depth = 0.4;
-  double detection = 0.2;
+  double motion = 0.50;
+  double depth = 0.40;
+  double detection = 0.10;
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("motion", s.motion, 0.0, 1.0);

@@ -17,8 +17,8 @@ APSO_NAMESPACE_BEGIN
 struct DepthChangeOptions {
   DepthRange range;
   int stride = 4;              ///< every stride-th pixel both ways is compared
-  double scale_mean = 0.15;    ///< s_mu, relative depth
-  double scale_spread = 0.25;  ///< s_sigma, relative depth
+  double scale_mean = 0.19;    ///< s_mu, relative depth
+  double scale_spread = 0.38;  ///< s_sigma, relative depth
   double full_overlap = 0.5;   ///< share of the smaller frame's pixels that counts as all of them
   template <class Self, class V>
   static void fields(Self& s, V&& v) {

@@ -11,7 +11,7 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// One readable sentence, e.g. "BAD: S_final 0.41 < 0.60; S_feature 0.12: 41 static keypoints in 9 of 48 cells;
+/// One readable sentence, e.g. "BAD: S_final 0.41 < 0.70; S_feature 0.12: 41 static keypoints in 9 of 48 cells;
 /// S_change 0.71: 18 % of the reference's 500 points tracked; 40 % of the image is dynamic". Parts that speak
 /// against the frame come with their reason; the others are only named by their value.
 [[nodiscard]] inline std::string explain(const Assessment& a) {

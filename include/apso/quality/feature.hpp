@@ -12,6 +12,7 @@
 
 #include <apso/config.hpp>
 #include <apso/quality/running_window.hpp>
+#include <apso/quality/spread.hpp>
 #include <apso/quality/static_pixel.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/keypoint.hpp>
@@ -29,9 +30,13 @@ constexpr std::array<const char*, 2> enum_names(ResponseScale) { return {"relati
 /// How evenly the keypoints lie.
 enum class Uniformity {
   EntropyOccupancy,  ///< (S_ent + S_occ) / 2
-  Participation      ///< S_par = (sum c)^2 / (|V| sum c^2)
+  Participation,     ///< S_par = (sum c)^2 / (|V| sum c^2)
+  Coverage,          ///< harmonic mean distance, see coverage_spread; slow
+  Covering           ///< suppression by square covering, see covering_spread
 };
-constexpr std::array<const char*, 2> enum_names(Uniformity) { return {"entropy_occupancy", "participation"}; }
+constexpr std::array<const char*, 4> enum_names(Uniformity) {
+  return {"entropy_occupancy", "participation", "coverage", "covering"};
+}
 
 /// How count, response and uniformity are combined.
 enum class FeatureForm {
@@ -75,6 +80,7 @@ struct FeatureMeasure {
   double entropy = 0;          ///< S_ent, normalised entropy over V, [0,1]
   double occupancy = 0;        ///< S_occ, [0,1]
   double participation = 0;    ///< S_par, [0,1]
+  double spread = 0;           ///< of the policies Coverage and Covering, [0,1]; else 0
 };
 
 /// Working memory of measure_features.
@@ -83,6 +89,8 @@ struct FeatureScratch {
   std::vector<int> cell_count;
   std::vector<int> cell_static;
   std::vector<int> cell_samples;
+  std::vector<Keypoint> points;
+  std::vector<int> kept;
 };
 
 /// Uniformity of counts over cells: entropy, occupancy, participation. 0 for fewer than two cells or no keypoint.
@@ -125,17 +133,21 @@ inline void measure_uniformity(const std::vector<int>& counts, const std::vector
   };
   scratch.cell_count.assign(cells, 0);
   scratch.responses.clear();
+  scratch.points.clear();
+  const bool by_points = options.uniformity == Uniformity::Coverage || options.uniformity == Uniformity::Covering;
   for (const Keypoint& k : keypoints) {
     if (!is_static_point({}, width, height, k.x, k.y)) continue;
     ++m.keypoints;
     if (!is_static_point(dynamic_probability, width, height, k.x, k.y)) continue;
     const double response = static_cast<double>(k.response);
     scratch.responses.push_back(std::isfinite(response) && response > 0 ? response : 0.0);
+    if (by_points) scratch.points.push_back({k.x, k.y, static_cast<float>(scratch.responses.back()), 0, 0});
     ++scratch.cell_count[cell_of(static_cast<int>(std::lround(k.x)), static_cast<int>(std::lround(k.y)))];
   }
   m.static_keypoints = static_cast<int>(scratch.responses.size());
   m.median_response = median_in_place(scratch.responses);
 
+  double static_share = 1;
   scratch.cell_static.assign(cells, 1);
   if (!dynamic_probability.empty()) {  // which cells are static enough, from every fourth pixel both ways
     scratch.cell_static.assign(cells, 0);
@@ -157,12 +169,23 @@ inline void measure_uniformity(const std::vector<int>& counts, const std::vector
         scratch.cell_static[base + static_cast<std::size_t>(gx)] += n_static;
       }
     }
+    double samples = 0;
+    double still = 0;
+    for (std::size_t g = 0; g < cells; ++g) {
+      samples += scratch.cell_samples[g];
+      still += scratch.cell_static[g];
+    }
+    static_share = samples > 0 ? still / samples : 0.0;
     for (std::size_t g = 0; g < cells; ++g) {
       scratch.cell_static[g] =
           scratch.cell_samples[g] > 0 && scratch.cell_static[g] >= options.cell_valid_fraction * scratch.cell_samples[g];
     }
   }
   measure_uniformity(scratch.cell_count, scratch.cell_static, m);
+  if (options.uniformity == Uniformity::Coverage) m.spread = coverage_spread(scratch.points, width, height);
+  if (options.uniformity == Uniformity::Covering) {
+    m.spread = covering_spread(scratch.points, options.n_ref, static_share * width * height, width, height, scratch.kept);
+  }
   return m;
 }
 
@@ -184,7 +207,12 @@ struct FeatureScore {
                    ? clamp01(m.median_response / (s_ref > options.response_floor ? s_ref : options.response_floor))
                    : clamp01(m.median_response / (m.median_response + options.half_saturation));
   }
-  s.S_unif = options.uniformity == Uniformity::EntropyOccupancy ? 0.5 * (m.entropy + m.occupancy) : m.participation;
+  switch (options.uniformity) {
+    case Uniformity::EntropyOccupancy: s.S_unif = 0.5 * (m.entropy + m.occupancy); break;
+    case Uniformity::Participation: s.S_unif = m.participation; break;
+    case Uniformity::Coverage:
+    case Uniformity::Covering: s.S_unif = m.spread; break;
+  }
   switch (options.form) {
     case FeatureForm::Geometric: s.score = Quality(std::sqrt(s.S_cnt * s.S_resp * s.S_unif)); break;
     case FeatureForm::Gated: s.score = Quality(std::sqrt(s.S_cnt) * (0.4 * s.S_resp + 0.6 * s.S_unif)); break;

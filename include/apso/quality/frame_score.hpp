@@ -11,13 +11,13 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Weights of the frame score. They sum to 1. The features carry most: the position of objects and the depth are
-/// near 1 on almost every frame and only raise the floor.
+/// Weights of the frame score. They sum to 1. The features carry most; depth enough that a frame without any is noticed;
+/// confidence and position of objects little: they hardly tell which frames fail (docs/quality.md).
 struct FrameWeights {
-  double conf = 0.15;
+  double conf = 0.10;
   double spatial = 0.10;
-  double feature = 0.55;
-  double depth = 0.20;
+  double feature = 0.50;
+  double depth = 0.30;
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("conf", s.conf, 0.0, 1.0);

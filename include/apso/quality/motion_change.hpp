@@ -3,9 +3,13 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
 
 #include <apso/config.hpp>
 #include <apso/quality/running_window.hpp>
@@ -21,9 +25,17 @@ struct Correspondence {
   float y = 0;            ///< in the current frame [px]
 };
 
+/// Which flow is measured.
+enum class FlowKind {
+  Raw,      ///< all of it: motion of the camera counts, because an abrupt change of viewpoint is to be found
+  Residual  ///< what the best affine flow leaves, which takes most of the camera's own motion out
+};
+constexpr std::array<const char*, 2> enum_names(FlowKind) { return {"raw", "residual"}; }
+
 struct MotionChangeOptions {
-  double scale = 0.10;           ///< s_m against the benchmark frame [image diagonals]
-  double scale_previous = 0.02;  ///< s_m against the previous frame [image diagonals]
+  FlowKind flow = FlowKind::Raw;
+  double scale = 0.12;           ///< s_m against the benchmark frame [image diagonals]
+  double scale_previous = 0.04;  ///< s_m against the previous frame [image diagonals]
   double trim = 0.10;            ///< share of the flows dropped at each end of the mean, [0, 0.49]
   double full_overlap = 0.5;     ///< share of the reference's points that counts as all of them
   int grid_x = 8;                ///< cells across
@@ -31,6 +43,7 @@ struct MotionChangeOptions {
   int min_per_cell = 3;          ///< tracks of a valid cell
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
+    v("flow", s.flow);
     v("scale", s.scale, 1e-6, 10.0);
     v("scale_previous", s.scale_previous, 1e-6, 10.0);
     v("trim", s.trim, 0.0, 0.49);
@@ -55,6 +68,32 @@ struct MotionChange {
   return Deviation(1.0 - overlap * std::exp(-0.5 * (m_point + m_grid) / scale));
 }
 
+/// The affine flow (2x3, applied to (x, y, 1) of the reference) that fits the correspondences best: four rounds of least
+/// squares in which flows far from it count less (Cauchy weights, scale 2 px). Zero for fewer than six of them.
+[[nodiscard]] inline Eigen::Matrix<double, 2, 3, Eigen::DontAlign> affine_flow(const std::vector<Correspondence>& matches) {
+  Eigen::Matrix<double, 2, 3, Eigen::DontAlign> A = Eigen::Matrix<double, 2, 3, Eigen::DontAlign>::Zero();
+  for (int round = 0; round < 4; ++round) {
+    Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+    Eigen::Matrix<double, 3, 2> b = Eigen::Matrix<double, 3, 2>::Zero();
+    int n = 0;
+    for (const Correspondence& m : matches) {
+      const Eigen::Vector3d x(static_cast<double>(m.reference_x), static_cast<double>(m.reference_y), 1);
+      const Eigen::Vector2d f(static_cast<double>(m.x) - x[0], static_cast<double>(m.y) - x[1]);
+      if (!x.allFinite() || !f.allFinite() || f.norm() > 1e5) continue;
+      const double w = round == 0 ? 1.0 : 1.0 / (1.0 + (f - A * x).squaredNorm() / 4.0);
+      H += w * x * x.transpose();
+      b += w * x * f.transpose();
+      ++n;
+    }
+    if (n < 6) return A;
+    const Eigen::LDLT<Eigen::Matrix3d> solver(H + 1e-6 * Eigen::Matrix3d::Identity());
+    const Eigen::Matrix<double, 2, 3> next = solver.solve(b).transpose();
+    if (!next.allFinite()) return A;
+    A = next;
+  }
+  return A;
+}
+
 /// Working memory of motion_change.
 struct MotionScratch {
   std::vector<double> flows;
@@ -64,7 +103,7 @@ struct MotionScratch {
   std::vector<int> first;
 };
 
-/// S_mc. The flow is raw: motion of the camera counts, because an abrupt change of viewpoint is to be found.
+/// S_mc.
 /// Cells are those of the reference frame. Correspondences that are not finite are dropped; none left gives 1.
 /// \param reference_points how many points the reference had
 /// \param scale            s_m [image diagonals]
@@ -78,9 +117,13 @@ struct MotionScratch {
   scratch.flows.clear();
   scratch.cell.clear();
   scratch.first.assign(static_cast<std::size_t>(cells) + 1, 0);
+  Eigen::Matrix<double, 2, 3, Eigen::DontAlign> ego = Eigen::Matrix<double, 2, 3, Eigen::DontAlign>::Zero();
+  if (options.flow == FlowKind::Residual) ego = affine_flow(matches);
   for (const Correspondence& m : matches) {
-    const double dx = static_cast<double>(m.x) - static_cast<double>(m.reference_x);
-    const double dy = static_cast<double>(m.y) - static_cast<double>(m.reference_y);
+    const double u = static_cast<double>(m.reference_x);
+    const double v = static_cast<double>(m.reference_y);
+    const double dx = static_cast<double>(m.x) - u - (ego(0, 0) * u + ego(0, 1) * v + ego(0, 2));
+    const double dy = static_cast<double>(m.y) - v - (ego(1, 0) * u + ego(1, 1) * v + ego(1, 2));
     const double flow = std::sqrt(dx * dx + dy * dy) / diagonal;
     if (!std::isfinite(flow)) continue;
     const double gx = std::clamp(static_cast<double>(m.reference_x) * options.grid_x / width, 0.0, options.grid_x - 1.0);

@@ -36,7 +36,7 @@ struct DecisionOptions {
   double th_obj = 0.8;         ///< S_conf from which the objects boost
   double boost_static = 0.15;  ///< [0,1]
   double boost_object = 0.05;  ///< [0,1]
-  double th_differ = 0.60;     ///< GOOD from here on
+  double th_differ = 0.70;     ///< GOOD from here on
   double hysteresis = 0;       ///< once BAD, th_differ is this much higher
   bool auto_calibrate = false; ///< th_differ from the last GOOD frames: median - 4 sigma, limited to [0.45, 0.70]
   ChangePolarity polarity = ChangePolarity::Complement;

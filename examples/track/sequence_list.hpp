@@ -1,0 +1,133 @@
+/// \file
+/// Runs apso_track as a program of its own, for programs that need many runs: a sequence is written
+/// `NAME,option=value,...` with the options of apso_track, e.g. `synthetic:stress_dark,seed=3` or
+/// `path/to/recording,camera=bonn,max-frames=200`. A run that is complete is not done again.
+#pragma once
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cctype>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
+#include <mutex>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <apso/io/tum_text.hpp>
+
+namespace track {
+
+/// A sequence with the options it is run with.
+struct SequenceSpec {
+  std::string text;
+  std::string name;  ///< fit for a folder
+  std::vector<std::string> arguments;
+};
+
+inline std::string folder_name(const std::string& text) {
+  std::string s;
+  for (const char c : text) s += std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '.' || c == '-' ? c : '_';
+  return s;
+}
+
+inline SequenceSpec parse_sequence(const std::string& text) {
+  SequenceSpec spec;
+  spec.text = text;
+  std::stringstream parts(text);
+  std::string part;
+  std::getline(parts, part, ',');
+  spec.arguments.push_back(part);
+  namespace fs = std::filesystem;
+  spec.name = part.rfind("synthetic:", 0) == 0 ? part.substr(10) : fs::path(part).lexically_normal().filename().string();
+  while (std::getline(parts, part, ',')) {
+    const auto eq = part.find('=');
+    spec.arguments.push_back("--" + part.substr(0, eq));
+    if (eq != std::string::npos) spec.arguments.push_back(part.substr(eq + 1));
+    if (part.rfind("camera", 0) != 0) spec.name += "_" + part;
+  }
+  spec.name = folder_name(spec.name);
+  return spec;
+}
+
+/// Folder of the program that is running; apso_track is beside it.
+inline std::filesystem::path program_folder() {
+  std::error_code failed;
+  const auto self = std::filesystem::read_symlink("/proc/self/exe", failed);
+  return failed ? std::filesystem::path(".") : self.parent_path();
+}
+
+/// Runs a program and waits for it; its words go to `log`. \return its exit code, -1 when it did not end by itself
+inline int run_program(const std::vector<std::string>& command, const std::string& log) {
+  const pid_t child = ::fork();
+  if (child < 0) return -1;
+  if (child == 0) {
+    if (std::freopen(log.c_str(), "w", stdout) == nullptr || ::dup2(1, 2) < 0) ::_exit(127);
+    std::vector<char*> argv;
+    for (const std::string& s : command) argv.push_back(const_cast<char*>(s.c_str()));
+    argv.push_back(nullptr);
+    ::execvp(argv[0], argv.data());
+    ::_exit(127);
+  }
+  int status = 0;
+  if (::waitpid(child, &status, 0) != child || !WIFEXITED(status)) return -1;
+  return WEXITSTATUS(status);
+}
+
+/// One run to be done.
+struct Job {
+  std::filesystem::path folder;
+  std::vector<std::string> arguments;  ///< of apso_track, without --output and --quiet
+};
+
+/// A run is complete when its summary is there: apso_track writes it last. A run is made in a folder beside it and
+/// moved when it is whole, so an interrupted run leaves nothing that looks complete.
+inline bool complete(const std::filesystem::path& folder) { return std::filesystem::exists(folder / "summary.json"); }
+
+/// Does what is not yet done, on `workers` cores, and shows progress. \return the messages of runs that failed
+inline std::vector<std::string> run_jobs(const std::vector<Job>& jobs, int workers, const char* title) {
+  namespace fs = std::filesystem;
+  std::atomic<std::size_t> next{0};
+  std::atomic<int> done{0};
+  std::mutex lock;
+  std::vector<std::string> problems;
+  const std::string program = (program_folder() / "apso_track").string();
+  const auto work = [&] {
+    for (std::size_t i = next++; i < jobs.size(); i = next++) {
+      const Job& job = jobs[i];
+      const bool had = complete(job.folder);
+      int code = 0;
+      const fs::path part = job.folder.string() + ".part";
+      if (!had) {
+        fs::remove_all(part);
+        fs::remove_all(job.folder);
+        fs::create_directories(part);
+        std::vector<std::string> command{program};
+        command.insert(command.end(), job.arguments.begin(), job.arguments.end());
+        command.insert(command.end(), {"--quiet", "--output", part.string()});
+        code = run_program(command, (part / "log.txt").string());
+        // 3: no frame got a pose, which is a result
+        if (code == 0 || code == 3) fs::rename(part, job.folder);
+      }
+      const std::lock_guard<std::mutex> guard(lock);
+      if (code != 0 && code != 3) {
+        problems.push_back(job.folder.string() + ": apso_track ended with " + std::to_string(code) + ", see " +
+                           (part / "log.txt").string());
+      }
+      std::fprintf(stderr, "%s %d/%zu  %s%s\n", title, ++done, jobs.size(), job.folder.filename().string().c_str(),
+                   had ? " (was done)" : (code != 0 && code != 3 ? " FAILED" : ""));
+    }
+  };
+  std::vector<std::thread> threads;
+  for (int i = 1; i < workers; ++i) threads.emplace_back(work);
+  work();
+  for (std::thread& t : threads) t.join();
+  return problems;
+}
+
+}  // namespace track
