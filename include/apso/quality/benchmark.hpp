@@ -54,7 +54,7 @@ struct BenchmarkOptions {
   int overlap_frames = 5;    ///< ... in this many frames in a row
   double recent = 2;         ///< [s] among the GOOD frames of this last time a replacement is sought
   bool hand_over = true;     ///< see Benchmark::update; false = the paper, which never lets a reference go this way
-  double max_change = 0.4;   ///< S_change from which the camera has left the reference behind, [0,1]
+  double max_change = 0.25;  ///< S_change from which the camera has left the reference behind, [0,1]
   double max_step = 0.6;     ///< S_change to the frame before, up to which a frame continues it, [0,1]
   double max_dynamic = 0.5;  ///< dynamic ratio up to which a frame shows enough of the background, [0,1]
   int steady_frames = 5;     ///< so many such frames in a row make a frame a reference
