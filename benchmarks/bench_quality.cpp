@@ -32,7 +32,8 @@ struct Inputs {
       for (int x = 0; x < 640; ++x) {
         const float z = 1.5F + 2.F * static_cast<float>(x) / 640.F;
         depth(x, y) = random() < 0.1F ? 0.F : z + 0.003F * (random() - 0.5F) * z * z;
-        if (x >= 250 && x < 400 && y >= 80) mask(x, y) = 1.F;
+        intensity(x, y) = random();
+      if (x >= 250 && x < 400 && y >= 80) mask(x, y) = 1.F;
       }
     }
     for (int i = 0; i < 1000; ++i) {
@@ -79,6 +80,9 @@ void S_feature(benchmark::State& s) {
     benchmark::DoNotOptimize(feature_score(m, 30.0));
   }
 }
+void S_sharp(benchmark::State& s) {
+  for (auto _ : s) benchmark::DoNotOptimize(measure_sharpness(inputs().intensity));
+}
 void S_depth(benchmark::State& s) {
   DepthQualityOptions o;
   o.stride = static_cast<int>(s.range(0));
@@ -117,6 +121,7 @@ void Explain(benchmark::State& s) {
 BENCHMARK(S_conf);
 BENCHMARK(S_spatial);
 BENCHMARK(S_feature);
+BENCHMARK(S_sharp);
 BENCHMARK(S_depth)->Arg(4)->Arg(1);
 BENCHMARK(S_mc);
 BENCHMARK(S_dc);

@@ -35,13 +35,22 @@ struct Score {
   bool quality;  ///< 1 - value is taken
 };
 const std::vector<Score>& scores() {
-  static const std::vector<Score> list{
-      {"1 - S_final", "S_final", true},     {"1 - S_total", "S_total", true}, {"1 - S_conf", "S_conf", true},
-      {"1 - S_spatial", "S_spatial", true}, {"1 - S_feature", "S_feature", true}, {"1 - S_cnt", "S_cnt", true},
-      {"1 - S_resp", "S_resp", true},       {"1 - S_unif", "S_unif", true},   {"1 - S_sharp", "S_sharp", true},
-      {"1 - S_depth", "S_depth", true},     {"S_change", "S_change", false},  {"S_mc", "S_mc", false},
-      {"S_dc", "S_dc", false},              {"S_dec", "S_dec", false},        {"S_step", "S_step", false},
-      {"dynamic ratio", "dynamic_ratio", false}};
+  static const std::vector<Score> list{{"1 - S_final", "S_final", true},
+                                       {"1 - S_total", "S_total", true},
+                                       {"1 - S_conf", "S_conf", true},
+                                       {"1 - S_spatial", "S_spatial", true},
+                                       {"1 - S_feature", "S_feature", true},
+                                       {"1 - S_cnt", "S_cnt", true},
+                                       {"1 - S_resp", "S_resp", true},
+                                       {"1 - S_unif", "S_unif", true},
+                                       {"1 - S_sharp", "S_sharp", true},
+                                       {"1 - S_depth", "S_depth", true},
+                                       {"S_change", "S_change", false},
+                                       {"S_mc", "S_mc", false},
+                                       {"S_dc", "S_dc", false},
+                                       {"S_dec", "S_dec", false},
+                                       {"S_step", "S_step", false},
+                                       {"dynamic ratio", "dynamic_ratio", false}};
   return list;
 }
 
@@ -94,8 +103,11 @@ json table_of_scores(const Runs& runs) {
     const double r1 = apso::rank_correlation(x1, y1);
     std::printf("%-15s %8s %8s %11s %11s %8zu\n", s.name.c_str(), shown(auc).c_str(), shown(auc_label).c_str(),
                 shown(r, "%+.2f").c_str(), shown(r1, "%+.2f").c_str(), of_failure.size());
-    rows.push_back({{"score", s.name}, {"frames", of_failure.size()}, {"auc_failure", number(auc)},
-                    {"auc_label", number(auc_label)}, {"rank_correlation_1_frame", number(r)},
+    rows.push_back({{"score", s.name},
+                    {"frames", of_failure.size()},
+                    {"auc_failure", number(auc)},
+                    {"auc_label", number(auc_label)},
+                    {"rank_correlation_1_frame", number(r)},
                     {"rank_correlation_1_s", number(r1)}});
   }
   return rows;
@@ -119,20 +131,25 @@ json decisions(const Runs& runs) {
       }
     }
   }
-  std::printf("\nBAD or LOST predicts failure: precision %s, recall %s, false alarms %s of the frames without failure\n",
-              shown(by_failure.precision()).c_str(), shown(by_failure.recall()).c_str(),
-              shown(by_failure.false_alarm_rate()).c_str());
-  json j{{"failure", {{"precision", number(by_failure.precision())}, {"recall", number(by_failure.recall())},
-                      {"false_alarm_rate", number(by_failure.false_alarm_rate())},
-                      {"failures", by_failure.hits + by_failure.misses}}}};
-  std::printf("flagged outside of labelled spans: %d of %d (%s)\n", by_label.false_alarms, by_label.false_alarms + by_label.quiet,
-              shown(by_label.false_alarm_rate()).c_str());
-  j["outside"] = {{"frames", by_label.false_alarms + by_label.quiet}, {"flagged", by_label.false_alarms},
+  std::printf(
+      "\nBAD or LOST predicts failure: precision %s, recall %s, false alarms %s of the frames without failure\n",
+      shown(by_failure.precision()).c_str(), shown(by_failure.recall()).c_str(),
+      shown(by_failure.false_alarm_rate()).c_str());
+  json j{{"failure",
+          {{"precision", number(by_failure.precision())},
+           {"recall", number(by_failure.recall())},
+           {"false_alarm_rate", number(by_failure.false_alarm_rate())},
+           {"failures", by_failure.hits + by_failure.misses}}}};
+  std::printf("flagged outside of labelled spans: %d of %d (%s)\n", by_label.false_alarms,
+              by_label.false_alarms + by_label.quiet, shown(by_label.false_alarm_rate()).c_str());
+  j["outside"] = {{"frames", by_label.false_alarms + by_label.quiet},
+                  {"flagged", by_label.false_alarms},
                   {"share", number(by_label.false_alarm_rate())}};
   if (!by_cause.empty()) {
     std::printf("flagged within labelled spans: %d of %d (%s)\n", by_label.hits, by_label.hits + by_label.misses,
                 shown(by_label.recall()).c_str());
-    j["inside"] = {{"frames", by_label.hits + by_label.misses}, {"flagged", by_label.hits}, {"share", number(by_label.recall())}};
+    j["inside"] = {
+        {"frames", by_label.hits + by_label.misses}, {"flagged", by_label.hits}, {"share", number(by_label.recall())}};
     for (const auto& [cause, c] : by_cause) {
       const int frames = c.hits + c.false_alarms + c.misses + c.quiet;
       const int flagged = c.hits + c.false_alarms;
@@ -142,9 +159,12 @@ json decisions(const Runs& runs) {
     }
   }
   if (repaired > 0) {
-    std::printf("BAD frames with both poses: %d; mean error since the last GOOD frame %.4f m from features, %.4f m finally (%+.0f %%)\n",
-                repaired, before / repaired, after / repaired, 100 * (after / before - 1));
-    j["bad_frames"] = {{"count", repaired}, {"mean_error_features", before / repaired}, {"mean_error_final", after / repaired}};
+    std::printf(
+        "BAD frames with both poses: %d; mean error since the last GOOD frame %.4f m from features, %.4f m finally "
+        "(%+.0f %%)\n",
+        repaired, before / repaired, after / repaired, 100 * (after / before - 1));
+    j["bad_frames"] = {
+        {"count", repaired}, {"mean_error_features", before / repaired}, {"mean_error_final", after / repaired}};
   }
   return j;
 }
@@ -163,10 +183,15 @@ json per_run(const Runs& runs) {
       bad += f.failed;
       label.add(f.flagged(), labelled(f));
     }
-    std::printf("%-28s %7d %7d %9s %9s %9s %9s\n", run.name.c_str(), n, bad, shown(1e3 * run.median_rpe_1f, "%.2f").c_str(),
-                shown(auc).c_str(), shown(label.recall()).c_str(), shown(label.false_alarm_rate()).c_str());
-    rows.push_back({{"run", run.name}, {"frames", n}, {"failed", bad}, {"median_error_1_frame", number(run.median_rpe_1f)},
-                    {"auc", number(auc)}, {"flagged_inside", number(label.recall())},
+    std::printf("%-28s %7d %7d %9s %9s %9s %9s\n", run.name.c_str(), n, bad,
+                shown(1e3 * run.median_rpe_1f, "%.2f").c_str(), shown(auc).c_str(), shown(label.recall()).c_str(),
+                shown(label.false_alarm_rate()).c_str());
+    rows.push_back({{"run", run.name},
+                    {"frames", n},
+                    {"failed", bad},
+                    {"median_error_1_frame", number(run.median_rpe_1f)},
+                    {"auc", number(auc)},
+                    {"flagged_inside", number(label.recall())},
                     {"flagged_outside", number(label.false_alarm_rate())}});
   }
   return rows;
@@ -176,8 +201,10 @@ void plot_roc(const std::string& file, const Runs& runs) {
   track::Gnuplot g;
   g("set terminal pngcairo size 900,760 font 'sans,11' background rgb 'white'");
   g("set output " + track::quoted(file));
-  g("set title 'which score finds the frames where the feature tracker fails'; set size square; set grid lc rgb '#dddddd'");
-  g("set xlabel 'false alarms / frames without failure'; set ylabel 'found / failures'; set key outside right noenhanced");
+  g("set title 'which score finds the frames where the feature tracker fails'; set size square; set grid lc rgb "
+    "'#dddddd'");
+  g("set xlabel 'false alarms / frames without failure'; set ylabel 'found / failures'; set key outside right "
+    "noenhanced");
   std::string plots = "x with lines dt 2 lc rgb '#999999' notitle";
   std::vector<std::vector<std::vector<double>>> data;
   for (const Score& s : scores()) {
@@ -186,8 +213,8 @@ void plot_roc(const std::string& file, const Runs& runs) {
     std::vector<std::vector<double>> rows;
     for (const auto& p : curve) rows.push_back({p.false_positive_rate, p.true_positive_rate});
     data.push_back(rows);
-    plots += ", '-' using 1:2 with lines lw " + std::string(data.size() == 1 ? "3" : "1.3") + " title '" + s.name + " (" +
-             shown(apso::area_under(curve), "%.2f") + ")'";
+    plots += ", '-' using 1:2 with lines lw " + std::string(data.size() == 1 ? "3" : "1.3") + " title '" + s.name +
+             " (" + shown(apso::area_under(curve), "%.2f") + ")'";
   }
   g("plot [0:1][0:1] " + plots);
   for (const auto& rows : data) g.data(rows);
@@ -205,7 +232,8 @@ json plot_reliability(const std::string& file, const Runs& runs) {
   g("set terminal pngcairo size 760,640 font 'sans,11' background rgb 'white'");
   g("set output " + track::quoted(file));
   g("set title 'how often the feature tracker failed at a given S_final'; set grid lc rgb '#dddddd'; set key top left");
-  g("set xlabel '1 - S_final'; set ylabel 'share of failed frames'; set y2label 'frames'; set y2tics; set ytics nomirror");
+  g("set xlabel '1 - S_final'; set ylabel 'share of failed frames'; set y2label 'frames'; set y2tics; set ytics "
+    "nomirror");
   g("set y2range [0:*]; set boxwidth 0.05; set style fill solid 0.3");
   g("plot [0:1][0:1] '-' using 1:3 axes x1y2 with boxes lc rgb '#bbbbbb' title 'frames', "
     "'-' using 1:2 with linespoints lw 2 pt 7 lc rgb '#1b6ca8' title 'failed'");
@@ -256,13 +284,17 @@ int main(int argc, char** argv) {
   double factor = 3;
   CLI::App app{
       "Compares the scores of finished runs of apso_track with the true error of its feature tracker. Use runs with\n"
-      "--no-refinement to judge the prediction, runs with refinement to judge the repair. Exit code: 0 done, 1 bad input,\n"
+      "--no-refinement to judge the prediction, runs with refinement to judge the repair. Exit code: 0 done, 1 bad "
+      "input,\n"
       "2 wrong usage."};
   app.set_version_flag("--version", APSO_VERSION);
-  app.add_option("RUN", folders, "result folders of apso_track; FOLDER=FILE takes the ground truth from FILE")->required();
+  app.add_option("RUN", folders, "result folders of apso_track; FOLDER=FILE takes the ground truth from FILE")
+      ->required();
   app.add_option("--output", output, "folder for assess.json, roc.png, reliability.png, timeline.png")->required();
-  app.add_option("--failure-factor", factor, "a frame failed when it is lost or its 1-frame error exceeds this multiple of the run's median")
-      ->check(CLI::PositiveNumber)->capture_default_str();
+  app.add_option("--failure-factor", factor,
+                 "a frame failed when it is lost or its 1-frame error exceeds this multiple of the run's median")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -100,14 +100,16 @@ void append_samples(const std::vector<track::Run>& runs, bool by_error, std::vec
 /// Change scores anew from what was measured.
 void rescale(std::vector<apso::CalibrationSample>& samples, const apso::AssessorOptions& o) {
   for (apso::CalibrationSample& s : samples) {
-    if (s.S_mc && std::isfinite(s.flow)) s.S_mc = apso::motion_deviation(s.flow, s.flow, s.track_overlap, o.motion_change.scale);
+    if (s.S_mc && std::isfinite(s.flow))
+      s.S_mc = apso::motion_deviation(s.flow, s.flow, s.track_overlap, o.motion_change.scale);
     if (s.S_dc && std::isfinite(s.depth_mean)) {
       s.S_dc = apso::depth_deviation(s.depth_mean, s.depth_spread, s.depth_overlap, o.depth_change);
     }
   }
 }
 
-std::vector<double> final_scores(const std::vector<apso::CalibrationSample>& samples, const apso::AssessorOptions& o, bool hard) {
+std::vector<double> final_scores(const std::vector<apso::CalibrationSample>& samples, const apso::AssessorOptions& o,
+                                 bool hard) {
   apso::SceneDecision decision(o.decision);
   std::vector<double> scores;
   for (const apso::CalibrationSample& s : samples) {
@@ -119,7 +121,8 @@ std::vector<double> final_scores(const std::vector<apso::CalibrationSample>& sam
 
 double share_below(const std::vector<double>& v, double limit) {
   if (v.empty()) return track::kNone;
-  return static_cast<double>(std::count_if(v.begin(), v.end(), [&](double x) { return x < limit; })) / static_cast<double>(v.size());
+  return static_cast<double>(std::count_if(v.begin(), v.end(), [&](double x) { return x < limit; })) /
+         static_cast<double>(v.size());
 }
 
 /// The options of apso_track.
@@ -153,9 +156,12 @@ int run(const Arguments& a) {
   append_samples(calm_runs, false, calm);
   std::vector<apso::CalibrationSample> all = calm;
   append_samples(hard_runs, true, all);
-  if (calm.empty()) throw apso::io_error("no frame with a decision in the calm sequences; they must be longer than the initialisation");
+  if (calm.empty())
+    throw apso::io_error("no frame with a decision in the calm sequences; they must be longer than the initialisation");
 
-  const auto tell = [](const char* what, double before, double after) { std::printf("%-36s %8.4f -> %8.4f\n", what, before, after); };
+  const auto tell = [](const char* what, double before, double after) {
+    std::printf("%-36s %8.4f -> %8.4f\n", what, before, after);
+  };
   if (!a.keep_scales) {
     const apso::CalibratedScales s = apso::calibrate_scales(calm);
     const auto adopt = [&](const char* what, double& to, double found) {
@@ -190,8 +196,9 @@ int run(const Arguments& a) {
   const double th = threshold();
   tell("decision.th_differ", th_before, th);
   o.decision.th_differ = th;
-  std::printf("below th_differ: %.3f of %zu calm frames, %.3f of %zu others that are not hard", share_below(final_scores(calm, o, false), th), calm.size(),
-              share_below(final_scores(all, o, false), th), final_scores(all, o, false).size());
+  std::printf("below th_differ: %.3f of %zu calm frames, %.3f of %zu others that are not hard",
+              share_below(final_scores(calm, o, false), th), calm.size(), share_below(final_scores(all, o, false), th),
+              final_scores(all, o, false).size());
   const auto hard_scores = final_scores(all, o, true);
   if (!hard_scores.empty()) std::printf(", %.3f of %zu hard frames", share_below(hard_scores, th), hard_scores.size());
   std::printf(" (with the references of the runs made)\n");
@@ -205,17 +212,22 @@ int run(const Arguments& a) {
 int main(int argc, char** argv) {
   Arguments a;
   CLI::App app{
-      "Calibrates the scene assessment. A sequence is written NAME,option=value,... with the options of apso_track, e.g.\n"
-      "'recording,camera=tum-fr1,max-frames=300' or 'synthetic:static_xyz,seed=7'; a result folder of apso_track will do as\n"
+      "Calibrates the scene assessment. A sequence is written NAME,option=value,... with the options of apso_track, "
+      "e.g.\n"
+      "'recording,camera=tum-fr1,max-frames=300' or 'synthetic:static_xyz,seed=7'; a result folder of apso_track will "
+      "do as\n"
       "well. Exit code: 0 done, 1 bad input, 2 wrong usage."};
   app.set_version_flag("--version", APSO_VERSION);
-  app.add_option("SEQUENCE", a.calm, "calm recordings without people, as the camera is usually moved: scales and th_differ come from them")->required();
+  app.add_option("SEQUENCE", a.calm,
+                 "calm recordings without people, as the camera is usually moved: scales and th_differ come from them")
+      ->required();
   app.add_option("--output", a.output, "configuration file to write (YAML)")->required();
   app.add_option("--hard", a.hard, "recordings with ground truth in which tracking fails at times, for --fit-weights");
   app.add_flag("--fit-weights", a.fit_weights, "fit the weights of the scores to predict failure");
   app.add_flag("--keep-scales", a.keep_scales, "leave the scales of the change scores as they are");
   app.add_option("--config", a.config, "configuration to start from");
-  app.add_option("--work", a.work, "folder for the runs (default: OUTPUT.runs); runs that are there are not made again");
+  app.add_option("--work", a.work,
+                 "folder for the runs (default: OUTPUT.runs); runs that are there are not made again");
   app.add_option("--jobs", a.jobs, "runs at the same time")->check(CLI::Range(1, 256))->capture_default_str();
   try {
     app.parse(argc, argv);

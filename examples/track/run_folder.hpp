@@ -25,15 +25,15 @@ inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 struct RunFrame {
   double timestamp = 0;
   std::string state;
-  std::string label;            ///< why it is known to be hard; empty: not known to be
-  std::vector<double> value;    ///< by column of the table; NaN where the field is empty or no number
-  bool lost = false;            ///< the feature tracker had no pose
-  double rpe_1f = kNone;        ///< translational error of the motion since the frame before [m]
-  double rotation_1f = kNone;   ///< [rad]
-  double rpe_1s = kNone;        ///< ... since one second before [m]
-  bool failed = false;          ///< lost, or rpe_1f above a multiple of its median
-  double before = kNone;        ///< BAD frames: error of the feature pose since the last GOOD frame [m]
-  double after = kNone;         ///< ... of the final pose
+  std::string label;           ///< why it is known to be hard; empty: not known to be
+  std::vector<double> value;   ///< by column of the table; NaN where the field is empty or no number
+  bool lost = false;           ///< the feature tracker had no pose
+  double rpe_1f = kNone;       ///< translational error of the motion since the frame before [m]
+  double rotation_1f = kNone;  ///< [rad]
+  double rpe_1s = kNone;       ///< ... since one second before [m]
+  bool failed = false;         ///< lost, or rpe_1f above a multiple of its median
+  double before = kNone;       ///< BAD frames: error of the feature pose since the last GOOD frame [m]
+  double after = kNone;        ///< ... of the final pose
   [[nodiscard]] bool decided() const { return state != "INITIALISING"; }
   [[nodiscard]] bool flagged() const { return state == "BAD" || state == "LOST"; }
 };
@@ -75,8 +75,8 @@ inline double median_of(std::vector<double> v) {
 
 /// Pose within `tolerance` seconds of a time; null when there is none.
 inline const apso::Pose* pose_near(const apso::Trajectory& t, double stamp, double tolerance) {
-  const auto it = std::lower_bound(t.begin(), t.end(), stamp,
-                                   [](const apso::StampedPose& p, double s) { return p.timestamp < s; });
+  const auto it =
+      std::lower_bound(t.begin(), t.end(), stamp, [](const apso::StampedPose& p, double s) { return p.timestamp < s; });
   const apso::StampedPose* best = nullptr;
   if (it != t.end()) best = &*it;
   if (it != t.begin() && (best == nullptr || stamp - (it - 1)->timestamp < best->timestamp - stamp)) best = &*(it - 1);

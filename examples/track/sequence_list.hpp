@@ -4,6 +4,7 @@
 /// `path/to/recording,camera=bonn,max-frames=200`. A run that is complete is not done again.
 #pragma once
 
+#include <fcntl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -44,7 +45,8 @@ inline SequenceSpec parse_sequence(const std::string& text) {
   std::getline(parts, part, ',');
   spec.arguments.push_back(part);
   namespace fs = std::filesystem;
-  spec.name = part.rfind("synthetic:", 0) == 0 ? part.substr(10) : fs::path(part).lexically_normal().filename().string();
+  spec.name =
+      part.rfind("synthetic:", 0) == 0 ? part.substr(10) : fs::path(part).lexically_normal().filename().string();
   while (std::getline(parts, part, ',')) {
     const auto eq = part.find('=');
     spec.arguments.push_back("--" + part.substr(0, eq));
@@ -64,13 +66,14 @@ inline std::filesystem::path program_folder() {
 
 /// Runs a program and waits for it; its words go to `log`. \return its exit code, -1 when it did not end by itself
 inline int run_program(const std::vector<std::string>& command, const std::string& log) {
+  std::vector<char*> argv;
+  for (const std::string& s : command) argv.push_back(const_cast<char*>(s.c_str()));
+  argv.push_back(nullptr);
   const pid_t child = ::fork();
   if (child < 0) return -1;
-  if (child == 0) {
-    if (std::freopen(log.c_str(), "w", stdout) == nullptr || ::dup2(1, 2) < 0) ::_exit(127);
-    std::vector<char*> argv;
-    for (const std::string& s : command) argv.push_back(const_cast<char*>(s.c_str()));
-    argv.push_back(nullptr);
+  if (child == 0) {  // other threads may be running: nothing here may allocate
+    const int file = ::open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+    if (file < 0 || ::dup2(file, 1) < 0 || ::dup2(file, 2) < 0) ::_exit(127);
     ::execvp(argv[0], argv.data());
     ::_exit(127);
   }

@@ -153,7 +153,8 @@ TEST_CASE("measures of spread: range, order, resolution") {
   Lcg random;
   std::vector<Keypoint> even, clustered, scattered;
   for (int i = 0; i < 300; ++i) {
-    even.push_back({16.F + 32.F * static_cast<float>(i % 20), 16.F + 32.F * static_cast<float>(i / 20), random(), 0, 0});
+    even.push_back(
+        {16.F + 32.F * static_cast<float>(i % 20), 16.F + 32.F * static_cast<float>(i / 20), random(), 0, 0});
     scattered.push_back({640 * random(), 480 * random(), random(), 0, 0});
     clustered.push_back({300 + 20 * random(), 200 + 20 * random(), random(), 0, 0});
   }
@@ -176,7 +177,8 @@ TEST_CASE("measures of spread: range, order, resolution") {
   CHECK(coverage_spread({{0, 0, 1, 0, 0}, {640, 480, 1, 0, 0}}, 640, 480) == 1);
 
   FeatureScratch scratch;
-  for (const Uniformity u : {Uniformity::EntropyOccupancy, Uniformity::Participation, Uniformity::Coverage, Uniformity::Covering}) {
+  for (const Uniformity u :
+       {Uniformity::EntropyOccupancy, Uniformity::Participation, Uniformity::Coverage, Uniformity::Covering}) {
     FeatureOptions o;
     o.uniformity = u;
     const auto unif = [&](const std::vector<Keypoint>& p) {

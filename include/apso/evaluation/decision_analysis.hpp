@@ -34,7 +34,8 @@ struct RocPoint {
   data.erase(std::remove_if(data.begin(), data.end(), [](const ScoredEvent& d) { return !std::isfinite(d.score); }),
              data.end());
   std::sort(data.begin(), data.end(), [](const ScoredEvent& a, const ScoredEvent& b) { return a.score > b.score; });
-  const auto events = static_cast<double>(std::count_if(data.begin(), data.end(), [](const auto& d) { return d.event; }));
+  const auto events =
+      static_cast<double>(std::count_if(data.begin(), data.end(), [](const auto& d) { return d.event; }));
   const double others = static_cast<double>(data.size()) - events;
   std::vector<RocPoint> curve;
   if (!(events > 0) || !(others > 0)) return curve;
@@ -64,13 +65,11 @@ struct RocPoint {
 
 /// Counts of a yes-or-no prediction.
 struct Confusion {
-  int hits = 0;           ///< predicted, and it came
-  int false_alarms = 0;   ///< predicted, and it did not come
-  int misses = 0;         ///< not predicted, but it came
-  int quiet = 0;          ///< neither
-  void add(bool predicted, bool event) {
-    ++(predicted ? (event ? hits : false_alarms) : (event ? misses : quiet));
-  }
+  int hits = 0;          ///< predicted, and it came
+  int false_alarms = 0;  ///< predicted, and it did not come
+  int misses = 0;        ///< not predicted, but it came
+  int quiet = 0;         ///< neither
+  void add(bool predicted, bool event) { ++(predicted ? (event ? hits : false_alarms) : (event ? misses : quiet)); }
   /// hits / predicted; NaN when nothing was predicted.
   [[nodiscard]] double precision() const { return ratio(hits, hits + false_alarms); }
   /// hits / events; NaN without events.

@@ -24,7 +24,7 @@ APSO_NAMESPACE_BEGIN
 struct CalibrationSample {
   MaybeQuality S_conf, S_spatial, S_feature, S_depth;
   MaybeDeviation S_mc, S_dc, S_dec;
-  double dynamic_ratio = 0;  ///< [0,1]
+  double dynamic_ratio = 0;                                        ///< [0,1]
   double flow = std::numeric_limits<double>::quiet_NaN();          ///< mean of m_point and m_grid [image diagonals]
   double track_overlap = 0;                                        ///< rho_t
   double step_flow = std::numeric_limits<double>::quiet_NaN();     ///< the same against the frame before
@@ -58,9 +58,11 @@ struct CalibratedScales {
 
 /// th_differ = median - 4 sigma of the S_final of frames that are not hard, limited to [lowest, highest]; sigma is
 /// 1.4826 times the median absolute deviation. `highest` when there is no frame.
-[[nodiscard]] inline double calibrate_threshold(std::vector<double> S_final, double lowest = 0.45, double highest = 0.70) {
+[[nodiscard]] inline double calibrate_threshold(std::vector<double> S_final, double lowest = 0.45,
+                                                double highest = 0.70) {
   expects(lowest <= highest, "calibrate_threshold: lowest must be <= highest");
-  S_final.erase(std::remove_if(S_final.begin(), S_final.end(), [](double v) { return !std::isfinite(v); }), S_final.end());
+  S_final.erase(std::remove_if(S_final.begin(), S_final.end(), [](double v) { return !std::isfinite(v); }),
+                S_final.end());
   if (S_final.empty()) return highest;
   const double median = median_in_place(S_final);
   for (double& v : S_final) v = std::abs(v - median);
@@ -96,7 +98,8 @@ struct FittedWeights {
                                                const ChangeWeights& change, const DecisionOptions& decision,
                                                double softness = 0.05, double least = 0.10) {
   expects(softness > 0, "fit_weights: softness must be > 0");
-  const auto hard = static_cast<double>(std::count_if(samples.begin(), samples.end(), [](const auto& s) { return s.hard; }));
+  const auto hard =
+      static_cast<double>(std::count_if(samples.begin(), samples.end(), [](const auto& s) { return s.hard; }));
   const double other = static_cast<double>(samples.size()) - hard;
   FittedWeights best;
   best.frame = frame;

@@ -11,8 +11,8 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Weights of the frame score. They sum to 1. The features carry most; depth enough that a frame without any is noticed;
-/// confidence and position of objects little: they hardly tell which frames fail (docs/quality.md).
+/// Weights of the frame score. They sum to 1. The features carry most; depth enough that a frame without any is
+/// noticed; confidence and position of objects little: they hardly tell which frames fail (docs/quality.md).
 struct FrameWeights {
   double conf = 0.10;
   double spatial = 0.10;

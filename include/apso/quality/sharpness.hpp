@@ -19,10 +19,10 @@
 APSO_NAMESPACE_BEGIN
 
 struct SharpnessOptions {
-  bool enabled = true;        ///< false: S_feature as printed, from keypoints alone
-  double image_noise = 0.008; ///< standard deviation that is taken out of the differences [grey in 0..1]
-  double full = 0.5;          ///< share of the usual ratio that still counts as sharp
-  double floor = 0.02;        ///< the usual ratio is never taken as less; keeps blur from calibrating itself
+  bool enabled = true;         ///< false: S_feature as printed, from keypoints alone
+  double image_noise = 0.008;  ///< standard deviation that is taken out of the differences [grey in 0..1]
+  double full = 0.5;           ///< share of the usual ratio that still counts as sharp
+  double floor = 0.02;         ///< the usual ratio is never taken as less; keeps blur from calibrating itself
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("enabled", s.enabled);
@@ -95,7 +95,9 @@ struct SharpnessMeasure {
 /// \param usual_x,usual_y ratios of earlier frames; the floor of the options is applied to them
 [[nodiscard]] inline Quality sharpness_score(const SharpnessMeasure& m, double usual_x, double usual_y,
                                              const SharpnessOptions& options = {}) {
-  const auto share = [&](double ratio, double usual) { return ratio / (options.full * std::max(options.floor, usual)); };
+  const auto share = [&](double ratio, double usual) {
+    return ratio / (options.full * std::max(options.floor, usual));
+  };
   return Quality(std::min(share(m.ratio_x, usual_x), share(m.ratio_y, usual_y)));
 }
 

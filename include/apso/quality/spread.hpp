@@ -28,7 +28,8 @@ APSO_NAMESPACE_BEGIN
     }
   }
   const double n = static_cast<double>(points.size());
-  const double half_diagonal = 0.5 * std::sqrt(static_cast<double>(width) * width + static_cast<double>(height) * height);
+  const double half_diagonal =
+      0.5 * std::sqrt(static_cast<double>(width) * width + static_cast<double>(height) * height);
   return clamp01(0.5 * n * (n - 1) / inverse / half_diagonal);
 }
 
@@ -55,7 +56,8 @@ APSO_NAMESPACE_BEGIN
       }
     }
     if (!free) continue;
-    kept[static_cast<std::size_t>(cy) * static_cast<std::size_t>(nx) + static_cast<std::size_t>(cx)] = static_cast<int>(i);
+    kept[static_cast<std::size_t>(cy) * static_cast<std::size_t>(nx) + static_cast<std::size_t>(cx)] =
+        static_cast<int>(i);
     ++n;
   }
   return n;
@@ -65,10 +67,11 @@ APSO_NAMESPACE_BEGIN
 /// [0,1]. 0 for fewer than two points.
 /// \param points are sorted by falling response
 /// \param area   of the image that may hold points [px^2]
-[[nodiscard]] inline double covering_spread(std::vector<Keypoint>& points, int n_ref, double area, int width, int height,
-                                            std::vector<int>& kept) {
+[[nodiscard]] inline double covering_spread(std::vector<Keypoint>& points, int n_ref, double area, int width,
+                                            int height, std::vector<int>& kept) {
   if (points.size() < 2 || !(area > 0)) return 0;
-  std::stable_sort(points.begin(), points.end(), [](const Keypoint& a, const Keypoint& b) { return a.response > b.response; });
+  std::stable_sort(points.begin(), points.end(),
+                   [](const Keypoint& a, const Keypoint& b) { return a.response > b.response; });
   const double n = std::min(static_cast<double>(points.size()), static_cast<double>(n_ref));
   const double most = std::sqrt(area / n);
   double low = 0;

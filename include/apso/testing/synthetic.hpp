@@ -127,9 +127,9 @@ class SyntheticSequence {
 
   /// Every name the constructor takes.
   [[nodiscard]] static std::vector<std::string> names() {
-    return {"walking_xyz", "walking_halfsphere", "walking_rpy", "walking_static",
-            "static_xyz",  "static_halfsphere",  "static_rpy",  "static_static",
-            "stress_ceiling", "stress_roll", "stress_crowd", "stress_dark", "stress_flash", "stress_dropout", "stress_all"};
+    return {"walking_xyz",       "walking_halfsphere", "walking_rpy",   "walking_static", "static_xyz",
+            "static_halfsphere", "static_rpy",         "static_static", "stress_ceiling", "stress_roll",
+            "stress_crowd",      "stress_dark",        "stress_flash",  "stress_dropout", "stress_all"};
   }
 
   [[nodiscard]] int size() const { return options_.frames; }

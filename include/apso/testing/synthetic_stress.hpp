@@ -118,14 +118,20 @@ class StressPlan {
   [[nodiscard]] Stress label(double t, double angular_speed) const {
     const Moment m = at(t);
     switch (m.cause) {
-      case Stress::Ceiling: return plateau(m.since, 0, 2.0, 0.6) * 78 >= 18 ? m.cause : Stress::None;
+      case Stress::Ceiling:
+        return plateau(m.since, 0, 2.0, 0.6) * 78 >= 18 ? m.cause : Stress::None;
       case Stress::Roll:
         return m.since < 1.0 && angular_speed >= 60 * kPi / 180 ? m.cause : Stress::None;
-      case Stress::Crowd: return arrival(m.since) >= 0.97 ? m.cause : Stress::None;
-      case Stress::Dark: return light(t) <= 0.12 ? m.cause : Stress::None;
-      case Stress::Flash: return flashing(m.since) ? m.cause : Stress::None;
-      case Stress::Dropout: return depth_fails(t) ? m.cause : Stress::None;
-      case Stress::None: break;
+      case Stress::Crowd:
+        return arrival(m.since) >= 0.97 ? m.cause : Stress::None;
+      case Stress::Dark:
+        return light(t) <= 0.12 ? m.cause : Stress::None;
+      case Stress::Flash:
+        return flashing(m.since) ? m.cause : Stress::None;
+      case Stress::Dropout:
+        return depth_fails(t) ? m.cause : Stress::None;
+      case Stress::None:
+        break;
     }
     return Stress::None;
   }
