@@ -14,6 +14,7 @@
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/sampling.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/symmetric.hpp>
 #include <apso/observation/background_registration.hpp>
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/flow_residual.hpp>

@@ -1,0 +1,147 @@
+/// \file
+/// Small symmetric systems and eigenvalues, as plain loops over fixed sizes.
+///
+/// Eigen's LDLT and SelfAdjointEigenSolver do the same, but each size of theirs costs a compiler one to four seconds in
+/// every file that includes the library (docs/compile_cost.md); for sizes up to 6 loops are as fast and cost nothing.
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include <Eigen/Core>
+
+#include <apso/config.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Solves A X = B for a symmetric positive semidefinite A by A = P^T L D L^T P with the largest pivot first
+/// (Golub & Van Loan, Matrix Computations, 4.2.8). Only the lower triangle of A is read. Directions without any pivot
+/// get the solution 0, so a singular A gives a finite X; a NaN in A or B gives NaN.
+/// \param A N x N
+/// \param B N x columns
+template <int N, int Options, int Columns, int OptionsB>
+[[nodiscard]] Eigen::Matrix<double, N, Columns> solve_symmetric(const Eigen::Matrix<double, N, N, Options>& A,
+                                                                const Eigen::Matrix<double, N, Columns, OptionsB>& B) {
+  static_assert(N > 0 && Columns > 0, "apso: solve_symmetric needs matrices of fixed size");
+  double L[N][N];  // strictly lower: L; diagonal: D
+  int order[N];
+  for (int i = 0; i < N; ++i) {
+    order[i] = i;
+    for (int j = 0; j <= i; ++j) L[i][j] = L[j][i] = A(i, j);
+  }
+  for (int k = 0; k < N; ++k) {
+    int pivot = k;
+    for (int i = k + 1; i < N; ++i) {
+      if (std::abs(L[i][i]) > std::abs(L[pivot][pivot])) pivot = i;
+    }
+    if (pivot != k) {  // symmetric swap; the finished columns of L go along
+      std::swap(order[k], order[pivot]);
+      for (int j = 0; j < N; ++j) std::swap(L[k][j], L[pivot][j]);
+      for (int i = k; i < N; ++i) std::swap(L[i][k], L[i][pivot]);
+    }
+    const double d = L[k][k];
+    if (std::abs(d) < std::numeric_limits<double>::min()) {  // the rest of a semidefinite matrix is zero as well
+      for (int i = k + 1; i < N; ++i) L[i][k] = 0;
+      continue;
+    }
+    double column[N];
+    for (int i = k + 1; i < N; ++i) {
+      column[i] = L[i][k];
+      L[i][k] /= d;
+    }
+    for (int i = k + 1; i < N; ++i) {
+      for (int j = k + 1; j <= i; ++j) {
+        L[i][j] -= L[i][k] * column[j];
+        L[j][i] = L[i][j];
+      }
+    }
+  }
+  Eigen::Matrix<double, N, Columns> X;
+  for (int c = 0; c < Columns; ++c) {
+    double x[N];
+    for (int i = 0; i < N; ++i) {
+      x[i] = B(order[i], c);
+      for (int j = 0; j < i; ++j) x[i] -= L[i][j] * x[j];
+    }
+    for (int i = 0; i < N; ++i) {
+      if (std::abs(L[i][i]) < std::numeric_limits<double>::min()) {
+        x[i] = 0;
+      } else {
+        x[i] /= L[i][i];
+      }
+    }
+    for (int i = N - 1; i >= 0; --i) {
+      for (int j = i + 1; j < N; ++j) x[i] -= L[j][i] * x[j];
+    }
+    for (int i = 0; i < N; ++i) X(order[i], c) = x[i];
+  }
+  return X;
+}
+
+/// Eigenvalues in ascending order, and the eigenvectors as columns in the same order.
+template <int N>
+struct SymmetricEigen {
+  Eigen::Matrix<double, N, 1, Eigen::DontAlign> values;
+  Eigen::Matrix<double, N, N, Eigen::DontAlign> vectors;
+};
+
+/// Eigenvalues and orthonormal eigenvectors of a symmetric matrix by cyclic Jacobi rotations (Golub & Van Loan 8.5).
+/// Only the lower triangle is read. Accurate to a few roundings of the largest eigenvalue; NaN in gives NaN out.
+template <int N, int Options>
+[[nodiscard]] SymmetricEigen<N> eigen_symmetric(const Eigen::Matrix<double, N, N, Options>& A) {
+  static_assert(N > 0, "apso: eigen_symmetric needs a matrix of fixed size");
+  double a[N][N];
+  double v[N][N];
+  for (int i = 0; i < N; ++i) {
+    for (int j = 0; j < N; ++j) {
+      a[i][j] = i >= j ? A(i, j) : A(j, i);
+      v[i][j] = i == j ? 1.0 : 0.0;
+    }
+  }
+  for (int sweep = 0; sweep < 30; ++sweep) {  // converges quadratically, 5 to 8 sweeps
+    bool rotated = false;
+    for (int p = 0; p < N; ++p) {
+      for (int q = p + 1; q < N; ++q) {
+        const double scale = std::abs(a[p][p]) + std::abs(a[q][q]);
+        if (std::abs(a[p][q]) <= 1e-3 * std::numeric_limits<double>::epsilon() * scale) continue;
+        const double theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+        const double t = (theta >= 0 ? 1.0 : -1.0) / (std::abs(theta) + std::sqrt(theta * theta + 1.0));
+        const double c = 1.0 / std::sqrt(t * t + 1.0);
+        const double s = t * c;
+        rotated = true;
+        for (int k = 0; k < N; ++k) {
+          const double x = a[k][p];
+          const double y = a[k][q];
+          a[k][p] = c * x - s * y;
+          a[k][q] = s * x + c * y;
+        }
+        for (int k = 0; k < N; ++k) {
+          const double x = a[p][k];
+          const double y = a[q][k];
+          a[p][k] = c * x - s * y;
+          a[q][k] = s * x + c * y;
+          const double vx = v[k][p];
+          const double vy = v[k][q];
+          v[k][p] = c * vx - s * vy;
+          v[k][q] = s * vx + c * vy;
+        }
+        a[p][q] = a[q][p] = 0;
+      }
+    }
+    if (!rotated) break;
+  }
+  int order[N];
+  for (int i = 0; i < N; ++i) order[i] = i;
+  for (int i = 1; i < N; ++i) {
+    for (int j = i; j > 0 && a[order[j]][order[j]] < a[order[j - 1]][order[j - 1]]; --j) std::swap(order[j], order[j - 1]);
+  }
+  SymmetricEigen<N> result;
+  for (int i = 0; i < N; ++i) {
+    result.values(i) = a[order[i]][order[i]];
+    for (int k = 0; k < N; ++k) result.vectors(k, i) = v[k][order[i]];
+  }
+  return result;
+}
+
+APSO_NAMESPACE_END
