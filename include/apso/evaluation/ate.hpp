@@ -11,12 +11,13 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/SVD>
+#include <Eigen/Geometry>
 
 #include <apso/config.hpp>
 #include <apso/evaluation/association.hpp>
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/symmetric.hpp>
 #include <apso/options.hpp>
 #include <apso/status.hpp>
 
@@ -31,8 +32,8 @@ struct HornAlignment {
 };
 
 /// Least-squares rigid motion without scale: minimises sum |R source_i + t - target_i|^2 over proper rotations R
-/// (det R = +1, also for planar and mirrored points). Closed form by the SVD of the 3x3 cross-covariance:
-/// S. Umeyama, PAMI 1991; the problem is that of B. K. P. Horn, JOSA A 1987.
+/// (det R = +1, also for planar and mirrored points). Closed form: the unit quaternion of R is the eigenvector of the
+/// largest eigenvalue of a symmetric 4x4 matrix made of the cross-covariance, B. K. P. Horn, JOSA A 1987.
 /// \param target,source points of the same length [m], at least one
 [[nodiscard]] inline HornAlignment align_horn(const std::vector<Eigen::Vector3d>& target,
                                               const std::vector<Eigen::Vector3d>& source) {
@@ -65,13 +66,16 @@ struct HornAlignment {
   const bool spread = scale > 0 && std::sqrt(spread_target / n) > rounding && std::sqrt(spread_source / n) > rounding;
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   if (spread) {
-    const Eigen::Matrix3d normalised = covariance / scale;
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(normalised, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    const Eigen::Matrix3d& U = svd.matrixU();
-    const Eigen::Matrix3d& V = svd.matrixV();
-    for (int k = 0; k < 3; ++k) result.rank += U.col(k).dot(normalised * V.col(k)) > 1e-12 ? 1 : 0;
-    const Eigen::Vector3d sign(1, 1, U.determinant() * V.determinant() < 0 ? -1 : 1);
-    R = U * sign.asDiagonal() * V.transpose();
+    const Eigen::Matrix3d S = covariance.transpose() / scale;  // sum of source times target^T, as in the article
+    Eigen::Matrix4d N;
+    N << S(0, 0) + S(1, 1) + S(2, 2), S(1, 2) - S(2, 1), S(2, 0) - S(0, 2), S(0, 1) - S(1, 0),  //
+        S(1, 2) - S(2, 1), S(0, 0) - S(1, 1) - S(2, 2), S(0, 1) + S(1, 0), S(2, 0) + S(0, 2),   //
+        S(2, 0) - S(0, 2), S(0, 1) + S(1, 0), S(1, 1) - S(0, 0) - S(2, 2), S(1, 2) + S(2, 1),   //
+        S(0, 1) - S(1, 0), S(2, 0) + S(0, 2), S(1, 2) + S(2, 1), S(2, 2) - S(0, 0) - S(1, 1);
+    const SymmetricEigen<4> e = eigen_symmetric(N);
+    // With the largest eigenvalue l_0, (l_0 + l_k) / 2 are the singular values of S (the last one signed).
+    for (int k = 0; k < 3; ++k) result.rank += std::abs(e.values(3) + e.values(k)) > 2e-12 ? 1 : 0;
+    R = Eigen::Quaterniond(e.vectors(0, 3), e.vectors(1, 3), e.vectors(2, 3), e.vectors(3, 3)).normalized().toRotationMatrix();
   }
   result.T_target_source.linear() = R;
   result.T_target_source.translation() = mean_target - R * mean_source;

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/LU>
 
 #include <apso/config.hpp>
 
@@ -92,7 +91,10 @@ template <class T>
   Eigen::Matrix2d sigma = Eigen::Vector2d(sa * sa, sb * sb).asDiagonal();
   if (a.empty()) return sigma;
   for (int i = 0; i < 50; ++i) {
-    const Eigen::Matrix2d inverse = sigma.inverse();
+    const double determinant = sigma(0, 0) * sigma(1, 1) - sigma(0, 1) * sigma(1, 0);
+    Eigen::Matrix2d inverse;
+    inverse << sigma(1, 1), -sigma(0, 1), -sigma(1, 0), sigma(0, 0);
+    inverse /= determinant;
     Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
     for (std::size_t j = 0; j < a.size(); ++j) {
       const Eigen::Vector2d r(static_cast<double>(a[j]), static_cast<double>(b[j]));
