@@ -58,9 +58,11 @@
 #include <apso/refinement/refiner.hpp>
 #include <apso/refinement/residuals.hpp>
 #include <apso/status.hpp>
+#include <apso/traits/byte_image.hpp>
 #include <apso/traits/camera.hpp>
 #include <apso/traits/concepts.hpp>
 #include <apso/traits/detection.hpp>
+#include <apso/traits/eigen_image.hpp>
 #include <apso/traits/image.hpp>
 #include <apso/traits/keypoint.hpp>
 #include <apso/traits/pose.hpp>

@@ -17,7 +17,9 @@
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/traits/camera.hpp>
+#include <apso/traits/detection.hpp>
 #include <apso/traits/image.hpp>
+#include <apso/traits/keypoint.hpp>
 #include <apso/traits/pose.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -176,6 +178,48 @@ template <class CameraT>
   Eigen::Vector2d ignored(0, 0);
   report.expect(!Traits::project(camera, Eigen::Vector3d(0.1, 0.1, -1.0), ignored),
                 "project(camera, X, pixel) must return false for points behind the camera");
+  return report;
+}
+
+/// The members give the position and response that `expected` says are there, and values in their documented ranges.
+/// \param keypoint any keypoint of your type
+/// \param expected the same keypoint by hand; its angle and octave are compared only if your traits offer them
+template <class KeypointT>
+[[nodiscard]] ConformanceReport check_keypoint_type(const KeypointT& keypoint, const Keypoint& expected) {
+  check_keypoint<KeypointT>();
+  ConformanceReport report;
+  const Keypoint got = to_keypoint(keypoint);
+  report.expect(got.x == expected.x && got.y == expected.y, "x(keypoint), y(keypoint) are not its position (swapped?)");
+  report.expect(got.response == expected.response, "response(keypoint) differs from what is expected");
+  report.expect(got.response >= 0, "response(keypoint) must be >= 0");
+  report.expect(got.angle >= 0 && got.angle < 360, "angle(keypoint) must be in [0, 360) degrees");
+  report.expect(got.octave >= 0, "octave(keypoint) must be >= 0");
+  if constexpr (detail::detected_as_v<float, detail::keypoint_angle_t, KeypointT>) {
+    report.expect(got.angle == expected.angle, "angle(keypoint) differs from what is expected (radians?)");
+  }
+  if constexpr (detail::detected_as_v<int, detail::keypoint_octave_t, KeypointT>) {
+    report.expect(got.octave == expected.octave, "octave(keypoint) differs from what is expected");
+  }
+  return report;
+}
+
+/// The box is the expected one, in pixels as corner and size, and probabilities are in [0,1].
+/// \param detection any detection of your type
+/// \param box the same box by hand
+template <class DetectionT>
+[[nodiscard]] ConformanceReport check_detection_type(const DetectionT& detection, const Box& box) {
+  check_detection<DetectionT>();
+  ConformanceReport report;
+  const Detection got = to_detection(detection);
+  const double tolerance = 1e-3;  // [px]: boxes come as centres, corners or fractions of the image
+  const auto near = [&](float a, float b) { return std::abs(static_cast<double>(a) - static_cast<double>(b)) <= tolerance; };
+  report.expect(near(got.box.x, box.x) && near(got.box.y, box.y),
+                "box(detection) does not begin at its top left corner (centre given, or fractions of the image?)");
+  report.expect(near(got.box.width, box.width) && near(got.box.height, box.height),
+                "box(detection) has another size (right and bottom instead of width and height?)");
+  report.expect(got.score >= 0 && got.score <= 1, "score(detection) must be in [0,1] (percent?)");
+  const float p = got.motion_probability;
+  report.expect(std::isnan(p) || (p >= 0 && p <= 1), "motion_probability(detection) must be in [0,1], or NaN if not known");
   return report;
 }
 

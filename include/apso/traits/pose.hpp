@@ -81,13 +81,27 @@ using pose_translation_t = decltype(pose_traits<T>::translation(std::declval<con
 template <class T, class S>
 using pose_make_t = decltype(pose_traits<T>::make(std::declval<const Eigen::Matrix<S, 3, 3>&>(),
                                                   std::declval<const Eigen::Matrix<S, 3, 1>&>()));
+// Eigen lets a vector be given where a matrix is wanted until the body is compiled, so swapped arguments are looked for.
+template <class T>
+using pose_make_address_t = decltype(&pose_traits<T>::make);
+template <class F>
+struct takes_vector_first : std::false_type {};
+template <class R, class S, int O, class B>
+struct takes_vector_first<R (*)(const Eigen::Matrix<S, 3, 1, O>&, B)> : std::true_type {};
+template <class R, class S, int O, class B>
+struct takes_vector_first<R (*)(Eigen::Matrix<S, 3, 1, O>, B)> : std::true_type {};
+template <class T, class = void>
+struct pose_make_swapped : std::false_type {};
+template <class T>
+struct pose_make_swapped<T, std::void_t<pose_make_address_t<T>>> : takes_vector_first<pose_make_address_t<T>> {};
+
 template <class T>
 struct pose_members<T, std::void_t<pose_scalar_t<T>>> {
   using S = pose_scalar_t<T>;
   static constexpr bool scalar = std::is_floating_point_v<S>;
   static constexpr bool rotation = detected_as_v<Eigen::Matrix<S, 3, 3>, pose_rotation_t, T>;
   static constexpr bool translation = detected_as_v<Eigen::Matrix<S, 3, 1>, pose_translation_t, T>;
-  static constexpr bool make = detected_as_v<T, pose_make_t, T, S>;
+  static constexpr bool make = detected_as_v<T, pose_make_t, T, S> && !pose_make_swapped<T>::value;
 };
 }  // namespace detail
 
