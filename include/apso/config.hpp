@@ -7,6 +7,7 @@
 /// |--------------------------|---------------------------------------------------------------------------|
 /// | APSO_CONTRACT_HANDLER(m) | called with a C string instead of throwing; must not return               |
 /// | APSO_NAMESPACE_TAG       | name of the inline namespace (default v0), to link two versions together  |
+/// | APSO_NO_DEPRECATED       | be silent about the use of what will be removed                           |
 #pragma once
 
 #include <cstdlib>
@@ -17,6 +18,14 @@
 
 #ifndef APSO_NAMESPACE_TAG
 #define APSO_NAMESPACE_TAG v0
+#endif
+
+/// Marks a name that will be removed, with the version that says so first and what to use now, e.g.
+/// `APSO_DEPRECATED("0.2", "use align()") void old_name();`. docs/versions.md says how long such names stay.
+#ifdef APSO_NO_DEPRECATED
+#define APSO_DEPRECATED(since, instead)
+#else
+#define APSO_DEPRECATED(since, instead) [[deprecated("apso: deprecated since " since ": " instead)]]
 #endif
 
 // Spelled as macros because C++17 has no `namespace apso::inline v0`.

@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# The version is written in version.hpp; the files of other tools that must repeat it agree, or this says which does not.
+# Prints the version.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+header=include/apso/version.hpp
+number() { sed -n "s/^#define APSO_VERSION_$1 \([0-9]*\)$/\1/p" $header; }
+version=$(sed -n 's/^#define APSO_VERSION "\(.*\)"/\1/p' $header)
+bad=0
+agree() {  # FILE FOUND
+  [ "$2" = "$version" ] || { echo "$1 says version '$2', $header says '$version'" >&2; bad=1; }
+}
+agree "$header (APSO_VERSION_MAJOR, _MINOR, _PATCH)" "$(number MAJOR).$(number MINOR).$(number PATCH)"
+agree CITATION.cff "$(sed -n 's/^version: //p' CITATION.cff)"
+agree packaging/vcpkg/vcpkg.json "$(sed -n 's/^  "version": "\(.*\)",/\1/p' packaging/vcpkg/vcpkg.json)"
+agree examples/integrate/ros2/package.xml "$(sed -n 's/^ *<version>\(.*\)<\/version>/\1/p' examples/integrate/ros2/package.xml)"
+grep -q '^## Unreleased$' CHANGELOG.md || { echo "CHANGELOG.md has no section '## Unreleased'" >&2; bad=1; }
+[ $bad -eq 0 ] || exit 1
+echo "$version"
