@@ -18,6 +18,7 @@ struct TrackerPose {
   Eigen::Vector3d p_camera_world;
 };
 
+// [traits]
 // What apso needs to know of them.
 template <>
 struct apso::image_traits<MillimetreImage> {
@@ -34,6 +35,7 @@ struct apso::pose_traits<TrackerPose> {
   static Eigen::Vector3d translation(const TrackerPose& T) { return T.p_camera_world; }
   static TrackerPose make(const Eigen::Matrix3d& R, const Eigen::Vector3d& t) { return {Eigen::Quaterniond(R), t}; }
 };
+// [/traits]
 
 static MillimetreImage in_millimetres(const apso::Image<float>& depth) {
   MillimetreImage m{depth.width(), depth.height(), {}};
@@ -42,9 +44,11 @@ static MillimetreImage in_millimetres(const apso::Image<float>& depth) {
 }
 
 int main() {
+  // [conformance]
   // Do the traits mean what apso thinks they mean? The report is empty if so.
   const std::string complaints = apso::testing::check_pose_type<TrackerPose>().text();
   if (!complaints.empty()) return std::printf("%s", complaints.c_str()), 1;
+  // [/conformance]
 
   const apso::testing::SyntheticSequence sequence("static_halfsphere");
   apso::testing::SyntheticFrame reference;

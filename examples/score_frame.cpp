@@ -51,11 +51,13 @@ int main(int argc, char** argv) {
     apso::copy_to_float(apso::opencv::as_image<std::uint8_t>(grey), 1.0 / 255, intensity);
     apso::copy_to_float(apso::opencv::as_image<std::uint16_t>(raw), 1.0 / 5000, depth);
     const std::vector<apso::Keypoint> keypoints = corners(intensity);
+    // [score]
     apso::SceneAssessor assessor(apso::testing::freiburg3_camera(grey.cols, grey.rows));
     apso::AssessmentInput input;
     input.frame = {0.0, intensity, depth};
     input.keypoints = &keypoints;
     show(assessor.assess(input));
+    // [/score]
     return 0;
   }
 

@@ -1,0 +1,21 @@
+// Stand-ins of ROS 2 message types: the members that the generated code has, and nothing else.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace builtin_interfaces::msg {
+struct Time {
+  std::int32_t sec = 0;
+  std::uint32_t nanosec = 0;
+};
+}  // namespace builtin_interfaces::msg
+
+namespace std_msgs::msg {
+struct Header {
+  builtin_interfaces::msg::Time stamp;
+  std::string frame_id;
+};
+}  // namespace std_msgs::msg
