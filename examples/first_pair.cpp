@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <vector>
 
-#include <apso/apso.hpp>
+#include <apso/refinement/align.hpp>
 #include <apso/testing/synthetic.hpp>
 
 struct SensorFrame {

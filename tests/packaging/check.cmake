@@ -133,8 +133,7 @@ elseif(WAY STREQUAL "pkgconfig")
     message(FATAL_ERROR "pkg-config knows version ${output}")
   endif()
 elseif(WAY STREQUAL "deb")
-  run(${CMAKE_COMMAND} -S ${SOURCE} -B ${SCRATCH}/bare ${cmake_options} -DAPSO_BUILD_EXAMPLES=OFF -DAPSO_BUILD_TESTS=OFF
-      -DAPSO_BUILD_BENCHMARKS=OFF)
+  run(${CMAKE_COMMAND} -S ${SOURCE} -B ${SCRATCH}/bare ${cmake_options} -DAPSO_HEADERS_ONLY=ON)
   run(${CMAKE_CPACK_COMMAND} -G DEB --config ${SCRATCH}/bare/CPackConfig.cmake -B ${SCRATCH}/packages)
   file(GLOB package ${SCRATCH}/packages/libapso-dev_${VERSION}*_all.deb)
   # Installed by dpkg itself, but into a folder of its own with a package database of its own.
