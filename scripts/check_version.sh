@@ -13,7 +13,11 @@ agree() {  # FILE FOUND
 agree "$header (APSO_VERSION_MAJOR, _MINOR, _PATCH)" "$(number MAJOR).$(number MINOR).$(number PATCH)"
 agree CITATION.cff "$(sed -n 's/^version: //p' CITATION.cff)"
 agree packaging/vcpkg/vcpkg.json "$(sed -n 's/^  "version": "\(.*\)",/\1/p' packaging/vcpkg/vcpkg.json)"
-agree examples/integrate/ros2/package.xml "$(sed -n 's/^ *<version>\(.*\)<\/version>/\1/p' examples/integrate/ros2/package.xml)"
+archive=examples/integrate/build/fetch_content/CMakeLists.txt
+agree $archive "$(sed -n 's/.*apso-\([0-9.]*\)\.tar\.gz.*/\1/p' $archive)"
+for package in examples/integrate/ros1/package.xml examples/integrate/ros2/package.xml; do
+  agree $package "$(sed -n 's/^ *<version>\(.*\)<\/version>/\1/p' $package)"
+done
 grep -q '^## Unreleased$' CHANGELOG.md || { echo "CHANGELOG.md has no section '## Unreleased'" >&2; bad=1; }
 [ $bad -eq 0 ] || exit 1
 echo "$version"

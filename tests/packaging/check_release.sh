@@ -6,7 +6,7 @@ source=$1 scratch=$2 compiler=$3 eigen=$4
 rm -rf "$scratch"; mkdir -p "$scratch/repository"
 cd "$source"
 cp -r include cmake packaging scripts CMakeLists.txt LICENSE CHANGELOG.md CITATION.cff "$scratch/repository"
-mkdir -p "$scratch/repository/examples/integrate"; cp -r examples/integrate/ros2 "$scratch/repository/examples/integrate"
+mkdir -p "$scratch/repository/examples/integrate"; cp -r examples/integrate/{build,ros1,ros2} "$scratch/repository/examples/integrate"
 cd "$scratch/repository"
 export GIT_CONFIG_GLOBAL=/dev/null GIT_AUTHOR_NAME=tester GIT_AUTHOR_EMAIL=tester@example.org
 export GIT_COMMITTER_NAME=tester GIT_COMMITTER_EMAIL=tester@example.org
@@ -25,7 +25,8 @@ sed -i 's/^#define APSO_VERSION_MAJOR .*/#define APSO_VERSION_MAJOR 7/; s/^#defi
 refused "CITATION.cff says version" scripts/release.sh 7.8.9
 sed -i 's/^version: .*/version: 7.8.9/' CITATION.cff
 sed -i 's/^  "version": .*/  "version": "7.8.9",/' packaging/vcpkg/vcpkg.json
-sed -i 's/<version>.*</<version>7.8.9</' examples/integrate/ros2/package.xml
+sed -i 's/apso-[0-9.]*\.tar/apso-7.8.9.tar/' examples/integrate/build/fetch_content/CMakeLists.txt
+sed -i 's/<version>.*</<version>7.8.9</' examples/integrate/ros1/package.xml examples/integrate/ros2/package.xml
 refused "not committed" scripts/release.sh 7.8.9
 commit "version 7.8.9"
 refused "no section '## 7.8.9" scripts/release.sh 7.8.9
