@@ -33,4 +33,18 @@ if(NOT APSO_INNER)
   endforeach()
   target_link_libraries(apso_test_ros2 PRIVATE apso_test_main)
   add_test(NAME integrate_ros2 COMMAND apso_test_ros2)
+
+  # ROS 1: a real build where Debian's packages of it are installed (libroscpp-dev libsensor-msgs-dev libgeometry-msgs-dev
+  # libdiagnostic-msgs-dev). It is not run: that needs a master.
+  find_package(PkgConfig QUIET)
+  if(PkgConfig_FOUND)
+    pkg_check_modules(ROS1 QUIET IMPORTED_TARGET roscpp sensor_msgs geometry_msgs diagnostic_msgs)
+  endif()
+  if(ROS1_FOUND)
+    add_executable(apso_ros1_node ${_examples}/ros1/src/node.cpp $<TARGET_OBJECTS:apso_ros_common>)
+    target_include_directories(apso_ros1_node PRIVATE ${_examples}/ros_common)
+    target_link_libraries(apso_ros1_node PRIVATE apso_opencv PkgConfig::ROS1)
+  else()
+    message(STATUS "the node for ROS 1 is not built: roscpp and its messages were not found")
+  endif()
 endif()
