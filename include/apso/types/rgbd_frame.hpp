@@ -2,18 +2,24 @@
 /// What the library calls a frame: intensity and registered depth of one instant.
 #pragma once
 
+#include <array>
 #include <cmath>
+#include <cstdint>
 
 #include <apso/config.hpp>
 #include <apso/types/image_view.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-/// Views of one RGB-D frame. Both images have the same size.
+/// Blue, green, red of one pixel, as cameras and image files deliver them.
+using Bgr8 = std::array<std::uint8_t, 3>;
+
+/// Views of one RGB-D frame. All images have the same size.
 struct RgbdFrame {
   double timestamp = 0;                ///< [s]
   ImageView<const float> intensity;    ///< grey value in [0,1]
   ImageView<const float> depth;        ///< depth along the optical axis [m]; see depth_valid
+  ImageView<const Bgr8> colour{};      ///< optional; only networks ask for it
 };
 
 /// Range of depth values that are used [m].

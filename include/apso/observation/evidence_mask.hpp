@@ -1,0 +1,136 @@
+/// \file
+/// From evidence on a small image to the mask of the frame: threshold, cleaning, growth along the depth, widening.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <apso/config.hpp>
+#include <apso/observation/dynamic_mask.hpp>
+#include <apso/observation/region_growing.hpp>
+#include <apso/options.hpp>
+#include <apso/types/image_view.hpp>
+#include <apso/types/pinhole.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Enlarges a small probability map to the size of the frame: probabilities bilinearly, knowledge by the nearest pixel.
+/// Pixel (x,y) of the small image covers factor x factor pixels of the frame.
+inline void enlarge(const Image<float>& probability, const Image<std::uint8_t>& known, int factor, int width, int height,
+                    DynamicMask& out) {
+  const int w = probability.width();
+  const int h = probability.height();
+  expects(w > 0 && h > 0 && known.width() == w && known.height() == h, "enlarge: probability and known differ in size");
+  out.probability.resize(width, height);
+  out.known.resize(width, height);
+  const float scale = 1.0F / static_cast<float>(factor);
+  for (int y = 0; y < height; ++y) {
+    const float s = std::clamp((static_cast<float>(y) + 0.5F) * scale - 0.5F, 0.0F, static_cast<float>(h - 1));
+    const int j = static_cast<int>(s);
+    const float b = s - static_cast<float>(j);
+    const float* above = probability.row(j);
+    const float* below = probability.row(std::min(j + 1, h - 1));
+    const std::uint8_t* k = known.row(std::min(y / factor, h - 1));
+    float* p = out.probability.row(y);
+    std::uint8_t* o = out.known.row(y);
+    for (int x = 0; x < width; ++x) {
+      const float r = std::clamp((static_cast<float>(x) + 0.5F) * scale - 0.5F, 0.0F, static_cast<float>(w - 1));
+      const int i = static_cast<int>(r);
+      const int i1 = std::min(i + 1, w - 1);
+      const float a = r - static_cast<float>(i);
+      const float top = above[i] + a * (above[i1] - above[i]);
+      const float bottom = below[i] + a * (below[i1] - below[i]);
+      p[x] = top + b * (bottom - top);
+      o[x] = k[std::min(x / factor, w - 1)];
+    }
+  }
+}
+
+/// The reverse: every factor-th pixel of a mask.
+inline void reduce_mask(const DynamicMask& mask, int factor, int width, int height, Image<float>& probability,
+                        Image<std::uint8_t>& known) {
+  probability.resize(width, height);
+  known.resize(width, height);
+  const int c = factor / 2;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const float p = mask.probability(x * factor + c, y * factor + c);
+      probability(x, y) = p >= 0.0F ? std::min(p, 1.0F) : 0.0F;
+      known(x, y) = mask.known(x * factor + c, y * factor + c);
+    }
+  }
+}
+
+struct EvidenceMaskOptions {
+  double threshold = 0.5;    ///< probability from which a pixel is the seed of a region
+  int reach = 12;            ///< how far a region grows over pixels that are not known to be static [small px]
+  double depth_span = 0.4;   ///< ... and over which depth difference to its seed [m]
+  int min_pixels = 24;       ///< smaller regions are dropped [small px]
+  double min_area = 0.015;   ///< regions that are smaller in the world are dropped [m^2]
+  int dilation = 7;          ///< the mask is widened by this [px]
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("threshold", s.threshold, 0.0, 1.0);
+    v("reach", s.reach, 0, 254);
+    v("depth_span", s.depth_span, 0.0, 10.0);
+    v("min_pixels", s.min_pixels, 1, 1000000);
+    v("min_area", s.min_area, 0.0, 100.0);
+    v("dilation", s.dilation, 0, 200);
+  }
+};
+
+/// Makes masks from evidence; owns the buffers.
+class EvidenceMask {
+ public:
+  /// \param depth small depth [m]; \param camera of that size
+  /// \param probability evidence, [0,1]; \param known 1 where there is evidence, 0 elsewhere
+  /// \param out 1 inside moving regions (widened), falling to 0 at their border; known where there was evidence and
+  ///   inside the regions
+  void make(const Image<float>& depth, const Image<float>& probability, const Image<std::uint8_t>& known,
+            const Pinhole& camera, int factor, int width, int height, const EvidenceMaskOptions& options,
+            DynamicMask& out) {
+    const int w = depth.width();
+    const int h = depth.height();
+    labels_.resize(w, h);
+    may_join_.resize(w, h);
+    const auto threshold = static_cast<float>(options.threshold);
+    for (std::size_t i = 0; i < labels_.size(); ++i) {
+      const float p = probability.data()[i];
+      const bool valid = depth.data()[i] > 0;
+      const bool seen = known.data()[i] != 0;
+      labels_.data()[i] = valid && seen && p >= threshold ? 1 : 0;
+      may_join_.data()[i] = valid && (!seen || p >= 0.5F * threshold) ? 1 : 0;
+    }
+    open_2x2(labels_, opened_);
+    const auto area = static_cast<float>(1.0 / (camera.fx * camera.fy));
+    remove_small(depth, area, options.min_pixels, static_cast<float>(options.min_area), labels_, scratch_);
+    grow_region(depth, may_join_, options.reach, static_cast<float>(options.depth_span), labels_, scratch_);
+    fill_depth_holes(depth, 3, labels_, scratch_);
+    wide_ = labels_;
+    dilate(wide_, (options.dilation + factor / 2) / factor, dilation_scratch_);
+    small_.resize(w, h);
+    seen_.resize(w, h);
+    for (std::size_t i = 0; i < wide_.size(); ++i) {
+      small_.data()[i] = wide_.data()[i] != 0 ? 1.0F : 0.0F;
+      seen_.data()[i] = known.data()[i] != 0 || wide_.data()[i] != 0 ? 1 : 0;
+    }
+    enlarge(small_, seen_, factor, width, height, out);
+  }
+
+  /// The last regions before they were widened, small.
+  [[nodiscard]] const Image<std::uint8_t>& labels() const { return labels_; }
+
+ private:
+  Image<std::uint8_t> labels_;
+  Image<std::uint8_t> may_join_;
+  Image<std::uint8_t> opened_;
+  Image<std::uint8_t> wide_;
+  Image<std::uint8_t> seen_;
+  Image<float> small_;
+  RegionScratch scratch_;
+  std::vector<std::uint8_t> dilation_scratch_;
+};
+
+APSO_NAMESPACE_END
