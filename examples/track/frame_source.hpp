@@ -16,6 +16,7 @@
 
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/io/tum_text.hpp>
+#include <apso/opencv/adapters.hpp>
 #include <apso/opencv/cameras.hpp>
 #include <apso/opencv/rgbd_sequence.hpp>
 #include <apso/testing/synthetic.hpp>
@@ -63,6 +64,7 @@ class SyntheticSource final : public FrameSource {
     cv::cvtColor(rgb, out.bgr, cv::COLOR_RGB2BGR);
     cv::cvtColor(rgb, out.gray, cv::COLOR_RGB2GRAY);
     out.rgbd = frame_.rgbd();
+    out.rgbd.colour = apso::opencv::as_colour(out.bgr);
     return std::nullopt;
   }
   const apso::Trajectory& groundtruth() const override { return truth_; }
@@ -96,6 +98,7 @@ class RecordedSource final : public FrameSource {
     out.bgr = frame_.colour;
     out.gray = frame_.gray;
     out.rgbd = frame_.rgbd();
+    out.rgbd.colour = apso::opencv::as_colour(out.bgr);
     return std::nullopt;
   }
   const apso::Trajectory& groundtruth() const override { return truth_; }
@@ -131,38 +134,6 @@ class MaskFolder {
 
  private:
   std::string folder_;
-};
-
-/// Detections of another program: lines `timestamp left top width height score class_id`.
-class DetectionFile {
- public:
-  explicit DetectionFile(const std::string& file) {
-    std::ifstream stream(file);
-    if (!stream) throw apso::io_error(file + ": cannot open the detection file");
-    std::string line;
-    for (int number = 1; std::getline(stream, line); ++number) {
-      if (line.empty() || line[0] == '#') continue;
-      std::istringstream text(line);
-      double stamp = 0;
-      apso::Detection d;
-      if (!(text >> stamp >> d.box.x >> d.box.y >> d.box.width >> d.box.height >> d.score >> d.class_id) ||
-          !(d.box.width >= 0) || !(d.box.height >= 0) || !(d.score >= 0 && d.score <= 1)) {
-        throw apso::io_error(file + ":" + std::to_string(number) +
-                             ": expected 'timestamp left top width height score class_id' with sizes >= 0 and score "
-                             "in [0,1], got '" + line + "'");
-      }
-      detections_[stamp].push_back(d);
-    }
-  }
-  /// Detections within 10 ms of the stamp; empty if there are none.
-  const std::vector<apso::Detection>& at(double stamp) const {
-    auto it = detections_.lower_bound(stamp - 0.01);
-    return it != detections_.end() && it->first <= stamp + 0.01 ? it->second : none_;
-  }
-
- private:
-  std::map<double, std::vector<apso::Detection>> detections_;
-  std::vector<apso::Detection> none_;
 };
 
 }  // namespace track

@@ -178,7 +178,7 @@ namespace detail {
   return found;
 }
 
-/// Files of a folder that are named by a stamp, e.g. 1341846647.734028.png.
+/// Files of a folder that are named by a stamp, e.g. 1341846647.734028.png or 1341846647.734028_person.png.
 class StampedFiles {
  public:
   /// \param extensions e.g. {".png", ".jpg"}; throws io_error when the folder has no such file
@@ -192,7 +192,8 @@ class StampedFiles {
     for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
       double stamp = 0;
       const bool fits = std::find(extensions.begin(), extensions.end(), entry.path().extension().string()) != extensions.end();
-      if (fits && detail::number_in(entry.path().stem().string(), stamp)) files_[stamp] = entry.path().string();
+      const std::string stem = entry.path().stem().string();
+      if (fits && detail::number_in(stem.substr(0, stem.find('_')), stamp)) files_[stamp] = entry.path().string();
     }
     if (files_.empty()) throw io_error(folder + ": no file " + kinds + " that is named by a stamp, e.g. 1341846647.734028" + extensions.front());
   }

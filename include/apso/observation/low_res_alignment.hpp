@@ -163,7 +163,8 @@ inline LowResAlignment align_low_res(const SmallFrame& current, const SmallFrame
           const float c = s / (2.3849F * scale);  // Cauchy constant of 95 % efficiency
           const float omega = given / ((1.0F + c * c) * sigma * sigma);
           Eigen::Matrix<float, 6, 1> J;
-          J << a, p.Y.cross(a);
+          J.head<3>() = a;
+          J.tail<3>() = p.Y.cross(a);
           H.template selfadjointView<Eigen::Lower>().rankUpdate(J, omega);
           g += omega * r * J;
         };

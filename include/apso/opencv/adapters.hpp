@@ -15,6 +15,7 @@
 #include <apso/traits/keypoint.hpp>
 #include <apso/traits/pose.hpp>
 #include <apso/types/image_view.hpp>
+#include <apso/types/rgbd_frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -98,6 +99,15 @@ template <class T>
                        cv::typeToString(wanted));
   }
   return {mat.ptr<T>(), mat.cols, mat.rows, static_cast<std::ptrdiff_t>(mat.step1())};
+}
+
+/// View of an 8-bit matrix of three channels (blue, green, red). The matrix must outlive the view.
+/// Throws contract_error when the matrix is empty, of another type, or has rows padded by a part of a pixel.
+[[nodiscard]] inline ImageView<const Bgr8> as_colour(const cv::Mat& mat) {
+  expects(!mat.empty() && mat.dims == 2, "as_colour: the matrix is empty or not two-dimensional");
+  expects(mat.type() == CV_8UC3, "as_colour: the matrix must have the type CV_8UC3");
+  expects(mat.step[0] % sizeof(Bgr8) == 0, "as_colour: the rows are padded by a part of a pixel; clone the matrix");
+  return {reinterpret_cast<const Bgr8*>(mat.data), mat.cols, mat.rows, static_cast<std::ptrdiff_t>(mat.step[0] / sizeof(Bgr8))};
 }
 
 /// Matrix header over the pixels of a view; copies nothing. OpenCV has no read-only matrix: do not write to it.

@@ -88,6 +88,15 @@ struct MotionName {
   return names;
 }
 
+/// The policy `name` (one that goes around another) around `inner`. Throws contract_error for another name.
+[[nodiscard]] inline AnyMotionPolicy wrap_motion(const std::string& name, AnyMotionPolicy inner, const Pinhole& camera,
+                                                 const MotionOptions& options = {}) {
+  if (name == "depth-refined-mask") return DepthRefinedMask<AnyMotionPolicy>(std::move(inner), camera, options.depth_refined_mask);
+  if (name == "mask-propagation") return MaskPropagation<AnyMotionPolicy>(std::move(inner), camera, options.mask_propagation);
+  if (name == "temporal-filter") return TemporalFilter<AnyMotionPolicy>(std::move(inner), camera, options.temporal_filter);
+  contract_violation("wrap_motion: no policy that goes around another is called '" + name + "'");
+}
+
 /// The policy that an expression such as "geometric", "depth-refined-mask(hog-people)+geometric" or "semantic&geometric"
 /// describes; see policy_expression.hpp. Throws contract_error for an expression or name that is wrong, io_error for
 /// files that cannot be used.
@@ -108,6 +117,7 @@ struct MotionName {
       contract_violation("motion policy '" + expression + "': '" + name +
                          (entry->takes_policy ? "' goes around another policy, e.g. " + name + "(hog-people)" : "' takes no policy in brackets"));
     }
+    if (inner) return wrap_motion(name, std::move(*inner), camera, options);
     if (name == "geometric") return GeometricMotion(camera, options.geometric);
     if (name == "epipolar") return EpipolarMotion(camera, options.epipolar);
     if (name == "multiview-depth") return MultiViewDepth(camera, options.multiview_depth);
@@ -122,9 +132,6 @@ struct MotionName {
       if (!has_files) contract_violation("motion policy '" + expression + "': 'precomputed' needs a folder of masks, or detections");
       return PrecomputedMotion(camera, files.masks, files.detections, files.classes);
     }
-    if (name == "depth-refined-mask") return DepthRefinedMask<AnyMotionPolicy>(std::move(*inner), camera, options.depth_refined_mask);
-    if (name == "mask-propagation") return MaskPropagation<AnyMotionPolicy>(std::move(*inner), camera, options.mask_propagation);
-    if (name == "temporal-filter") return TemporalFilter<AnyMotionPolicy>(std::move(*inner), camera, options.temporal_filter);
     return NoMotion{};
   };
   return parse_policy(expression, make);

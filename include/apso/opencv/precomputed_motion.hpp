@@ -34,7 +34,7 @@ class PrecomputedMotion {
                     const ClassList& classes = {})
       : camera_(camera) {
     expects(!masks.empty() || !detections.empty(), "PrecomputedMotion: needs a folder of masks, or detections");
-    if (!masks.empty()) masks_.emplace(masks, std::vector<std::string>{".png", ".jpg", ".bmp"});
+    if (!masks.empty()) masks_.emplace(masks, std::vector<std::string>{".png", ".jpg", ".bmp", ".pgm"});
     if (!detections.empty()) log_.emplace(detections, camera.width, camera.height, classes);
   }
 

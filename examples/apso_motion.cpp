@@ -1,0 +1,330 @@
+// apso_motion: how well each motion policy sees what moves. Runs policies side by side on the same frames, each with its
+// own feature tracker, and prints one table: masks against truth, false alarms on static recordings, what the masks do to
+// the trajectory, and the time they take.
+
+#include <algorithm>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include <apso/evaluation/ate.hpp>
+#include <apso/io/parameters.hpp>
+#include <apso/opencv/feature_tracker.hpp>
+#include <apso/opencv/motion_by_name.hpp>
+#include <apso/version.hpp>
+
+#include "track/frame_source.hpp"
+
+namespace {
+
+struct Arguments {
+  std::vector<std::string> sequences;
+  std::vector<std::string> policies;
+  std::string csv;
+  std::string config;
+  std::string model;
+  int frames = 0;
+  unsigned seed = 1;
+  bool reverse = false;
+};
+
+/// The truth of the current frame, shared by the policies that play a perfect network.
+struct Truth {
+  cv::Mat mask;  ///< 8-bit, nonzero = may move, k = instance; empty where there is no truth
+};
+
+/// The true mask, as from a perfect segmentation.
+class TrueMask {
+ public:
+  explicit TrueMask(const Truth* truth) : truth_(truth) {}
+  void observe(const apso::RgbdFrame& frame, const apso::Pose&, const std::vector<apso::PointTrack>&, apso::DynamicMask& out) {
+    if (truth_->mask.empty()) {
+      apso::set_unknown(frame.depth.width, frame.depth.height, out);
+    } else {
+      apso::mask_from_labels(apso::opencv::as_image<std::uint8_t>(truth_->mask), out);
+    }
+  }
+  void remember(const apso::RgbdFrame&, const apso::Pose&, const apso::DynamicMask&) {}
+  void reset() {}
+
+ private:
+  const Truth* truth_;
+};
+
+/// The boxes of the true instances, as from a perfect detector.
+class TrueBoxes {
+ public:
+  explicit TrueBoxes(const Truth* truth) : truth_(truth) {}
+  const std::vector<apso::Detection>& detect(const apso::RgbdFrame&) {
+    found_.clear();
+    for (int k = 1; k < 8 && !truth_->mask.empty(); ++k) {
+      const cv::Rect r = cv::boundingRect(truth_->mask == k);
+      if (r.area() < 400) continue;
+      apso::Detection d;
+      d.box = {static_cast<float>(r.x), static_cast<float>(r.y), static_cast<float>(r.width), static_cast<float>(r.height)};
+      d.score = 1;
+      found_.push_back(d);
+    }
+    return found_;
+  }
+
+ private:
+  const Truth* truth_;
+  std::vector<apso::Detection> found_;
+};
+
+/// Sums over the frames of one policy on one sequence.
+struct Score {
+  double iou = 0, recall = 0;  ///< sums over frames with people
+  int with_people = 0;
+  double false_share = 0;      ///< sum of the shares of static pixels called dynamic
+  double worst = 0;
+  double ms = 0;
+  int frames = 0;
+  double ate = -1;             ///< [m]; negative = not known
+
+  void judge(const apso::DynamicMask& mask, const cv::Mat& truth) {
+    double both = 0, marked = 0, real = 0;
+    const auto size = static_cast<double>(mask.probability.size());
+    for (int y = 0; y < mask.probability.height(); ++y) {
+      const float* p = mask.probability.row(y);
+      const uchar* t = truth.empty() ? nullptr : truth.ptr<uchar>(y);
+      for (int x = 0; x < mask.probability.width(); ++x) {
+        const bool a = p[x] >= 0.5F;
+        const bool b = t != nullptr && t[x] != 0;
+        both += a && b ? 1 : 0;
+        marked += a ? 1 : 0;
+        real += b ? 1 : 0;
+      }
+    }
+    ++frames;
+    const double wrong = size > real ? (marked - both) / (size - real) : 0.0;
+    false_share += wrong;
+    worst = std::max(worst, wrong);
+    if (real < 0.01 * size) return;
+    ++with_people;
+    iou += both / (marked + real - both);
+    recall += both / real;
+  }
+};
+
+struct Runner {
+  Runner(apso::AnyMotionPolicy p, const apso::Pinhole& camera) : policy(std::move(p)), tracker(camera) {}
+  apso::AnyMotionPolicy policy;
+  apso::opencv::FeatureTracker tracker;
+  apso::DynamicMask mask;
+  apso::Trajectory poses;
+  Score score;
+};
+
+double cpu_ms() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+/// A sequence: synthetic:NAME, or FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with a folder of true masks named by stamp.
+struct Sequence {
+  std::string name;
+  std::unique_ptr<track::FrameSource> source;
+  track::SyntheticSource* synthetic = nullptr;
+  std::optional<apso::StampedFiles> masks;
+};
+
+Sequence open(const std::string& text, const Arguments& a) {
+  Sequence s;
+  const std::string prefix = "synthetic:";
+  if (text.rfind(prefix, 0) == 0) {
+    s.name = text.substr(prefix.size());
+    apso::testing::SyntheticOptions options;
+    options.seed = a.seed;
+    auto source = std::make_unique<track::SyntheticSource>(s.name, options);
+    s.synthetic = source.get();
+    s.source = std::move(source);
+    return s;
+  }
+  const std::size_t first = text.find('@');
+  if (first == std::string::npos) throw apso::io_error(text + ": expected synthetic:NAME, FOLDER@CAMERA or FOLDER@CAMERA@MASKS");
+  const std::size_t second = text.find('@', first + 1);
+  const std::string folder = text.substr(0, first);
+  const std::string camera = text.substr(first + 1, second == std::string::npos ? second : second - first - 1);
+  s.name = std::filesystem::path(folder).filename().string();
+  s.source = std::make_unique<track::RecordedSource>(folder, apso::camera_by_name(camera));
+  if (second != std::string::npos) s.masks.emplace(text.substr(second + 1), std::vector<std::string>{".png", ".pgm"});
+  return s;
+}
+
+std::vector<Score> run(Sequence& s, const Arguments& a, const apso::opencv::MotionOptions& options) {
+  const apso::Pinhole camera = s.source->camera();
+  Truth truth;
+  apso::opencv::MotionFiles files;
+  files.model = a.model;
+  const auto make = [&](const std::string& name, std::optional<apso::AnyMotionPolicy> inner) -> apso::AnyMotionPolicy {
+    if (name == "truth") return TrueMask(&truth);
+    if (name == "boxes") return apso::opencv::DetectorPolicy<TrueBoxes>(TrueBoxes(&truth));
+    if (!inner) return apso::opencv::motion_by_name(name, camera, options, files);
+    return apso::opencv::wrap_motion(name, std::move(*inner), camera, options);
+  };
+  std::vector<std::unique_ptr<Runner>> runners;
+  for (const std::string& p : a.policies) runners.push_back(std::make_unique<Runner>(apso::parse_policy(p, make), camera));
+
+  track::LoadedFrame frame;
+  const int total = a.frames > 0 ? std::min(a.frames, s.source->size()) : s.source->size();
+  for (int k = 0; k < total; ++k) {
+    const int i = a.reverse ? total - 1 - k : k;
+    if (s.source->load(i, frame)) continue;
+    if (a.reverse) frame.rgbd.timestamp = k / 30.0;
+    truth.mask.release();
+    if (s.synthetic != nullptr) {
+      const auto& instance = s.synthetic->truth().instance;
+      truth.mask = cv::Mat(instance.height(), instance.width(), CV_8U, const_cast<std::uint8_t*>(instance.data()));
+    } else if (s.masks) {
+      const std::string file = s.masks->at(frame.timestamp);
+      if (!file.empty()) truth.mask = cv::imread(file, cv::IMREAD_GRAYSCALE);
+    }
+    for (const auto& r : runners) {
+      r->tracker.begin(frame.gray, frame.rgbd);
+      const auto prior = r->tracker.estimate(r->mask.probability);
+      const double start = cpu_ms();
+      r->policy.observe(frame.rgbd, prior.T_world_camera, r->tracker.tracks(), r->mask);
+      double spent = cpu_ms() - start;
+      const auto features = r->tracker.estimate(r->mask.probability);
+      const apso::Pose& pose = features.ok ? features.T_world_camera : features.T_world_predicted;
+      const double again = cpu_ms();
+      r->policy.remember(frame.rgbd, pose, r->mask);
+      spent += cpu_ms() - again;
+      r->tracker.commit(pose, r->mask.probability, features.ok);
+      r->score.ms += spent;
+      r->poses.push_back({frame.timestamp, pose});
+      // with a single pair only the second frame has a past
+      if (total > 2 || k > 0) r->score.judge(r->mask, truth.mask);
+    }
+    std::fprintf(stderr, "\r%s %d/%d ", s.name.c_str(), k + 1, total);
+  }
+  std::fputc('\n', stderr);
+  std::vector<Score> scores;
+  for (const auto& r : runners) {
+    if (!s.source->groundtruth().empty() && total > 20 && !a.reverse) {
+      apso::AteOptions ate_options;
+      ate_options.association = apso::AssociationRule::Evo;
+      const apso::AteResult ate = apso::ate(s.source->groundtruth(), r->poses, ate_options);
+      if (succeeded(ate.status)) r->score.ate = ate.statistics.rmse;
+    }
+    r->score.ms /= std::max(1, r->score.frames);
+    scores.push_back(r->score);
+  }
+  return scores;
+}
+
+void print(const std::string& sequence, const std::vector<std::string>& policies, const std::vector<Score>& scores) {
+  std::printf("\n%s\n\n| policy | IoU | recall | false %% | worst %% | ATE m | ms |\n|---|---|---|---|---|---|---|\n", sequence.c_str());
+  for (std::size_t i = 0; i < policies.size(); ++i) {
+    const Score& s = scores[i];
+    const auto number = [](bool there, const char* format, double v) {
+      char text[32];
+      std::snprintf(text, sizeof text, format, v);
+      return std::string(there ? text : "-");
+    };
+    const bool people = s.with_people > 0;
+    const double n = std::max(1, s.with_people);
+    std::printf("| %s | %s | %s | %.2f | %.1f | %s | %.1f |\n", policies[i].c_str(), number(people, "%.3f", s.iou / n).c_str(),
+                number(people, "%.3f", s.recall / n).c_str(), 100 * s.false_share / std::max(1, s.frames), 100 * s.worst,
+                number(s.ate >= 0, "%.4f", s.ate).c_str(), s.ms);
+  }
+  std::fflush(stdout);
+}
+
+int main_program(const Arguments& a) {
+  apso::opencv::MotionOptions options;
+  if (!a.config.empty()) apso::read_parameters(a.config, options);
+  std::ofstream csv;
+  if (!a.csv.empty()) {
+    csv.open(a.csv);
+    if (!csv) throw apso::io_error(a.csv + ": cannot write");
+    csv << "sequence,policy,frames,frames_with_people,iou,recall,false_share,worst_false_share,ate_m,ms_per_frame\n";
+  }
+  struct Group {
+    std::string name;
+    std::vector<Score> sum;
+    int count = 0;
+  };
+  std::vector<Group> groups{{"mean of the walking sequences", {}, 0}, {"mean of the static sequences", {}, 0}};
+  for (const std::string& text : a.sequences) {
+    Sequence s = open(text, a);
+    const std::vector<Score> scores = run(s, a, options);
+    print(s.name, a.policies, scores);
+    for (std::size_t i = 0; i < scores.size() && csv; ++i) {
+      const Score& c = scores[i];
+      const double n = std::max(1, c.with_people);
+      csv << s.name << ',' << a.policies[i] << ',' << c.frames << ',' << c.with_people << ',' << c.iou / n << ',' << c.recall / n
+          << ',' << c.false_share / std::max(1, c.frames) << ',' << c.worst << ',' << c.ate << ',' << c.ms << std::endl;
+    }
+    if (s.synthetic == nullptr) continue;
+    Group& g = groups[s.name.rfind("walking", 0) == 0 ? 0 : 1];
+    g.sum.resize(scores.size());
+    for (std::size_t i = 0; i < scores.size(); ++i) {
+      Score& sum = g.sum[i];
+      sum.ate = (g.count == 0 ? 0 : sum.ate) + scores[i].ate;
+      sum.iou += scores[i].iou;
+      sum.recall += scores[i].recall;
+      sum.with_people += scores[i].with_people;
+      sum.false_share += scores[i].false_share;
+      sum.worst = std::max(sum.worst, scores[i].worst);
+      sum.ms += scores[i].ms;
+      sum.frames += scores[i].frames;
+    }
+    ++g.count;
+  }
+  for (Group& g : groups) {
+    if (g.count < 2) continue;
+    for (Score& s : g.sum) {
+      s.ate /= g.count;
+      s.ms /= g.count;
+    }
+    print(g.name, a.policies, g.sum);
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments a;
+  CLI::App app{
+      "Measures motion policies on recordings: IoU and recall of the mask against the truth (frames in which people cover\n"
+      "1 % or more), share of the static pixels that are called dynamic (mean, worst frame), error of the trajectory of a\n"
+      "feature tracker that uses the mask, CPU time per frame. Prints Markdown tables.\n"
+      "Besides the policies of apso_track there are 'truth' (the true mask) and 'boxes' (boxes of the true instances)."};
+  app.set_version_flag("--version", APSO_VERSION);
+  app.add_option("SEQUENCE", a.sequences, "synthetic:NAME, FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with true masks named by stamp\n"
+                                          "(cameras: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim)")->required();
+  app.add_option("--policies", a.policies, "policy expressions, see docs/observation.md")->delimiter(',')
+      ->default_val(std::vector<std::string>{"geometric", "epipolar", "multiview-depth", "cluster-residual", "residual", "hog-people",
+                                             "depth-refined-mask(hog-people)", "geometric+depth-refined-mask(hog-people)",
+                                             "depth-refined-mask(boxes)", "depth-refined-mask(boxes)&geometric",
+                                             "mask-propagation(truth)", "truth", "none"});
+  app.add_option("--frames", a.frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);
+  app.add_option("--seed", a.seed, "of the synthetic sequences")->capture_default_str();
+  app.add_option("--config", a.config, "YAML file with options of the policies");
+  app.add_option("--model", a.model, "ONNX file, for the policy 'dnn'");
+  app.add_option("--csv", a.csv, "also write all figures to this file");
+  app.add_flag("--reverse", a.reverse, "play the sequences backwards");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  cv::setNumThreads(1);
+  try {
+    return main_program(a);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "\napso_motion: %s\n", e.what());
+    return 1;
+  }
+}
