@@ -8,6 +8,7 @@
 #include <fstream>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,9 +19,12 @@
 #include <opencv2/imgproc.hpp>
 
 #include <apso/io/camera_yaml.hpp>
+#include <apso/io/detection_text.hpp>
 #include <apso/io/parameters.hpp>
+#include <apso/observation/soft_weights.hpp>
 #include <apso/opencv/drawing.hpp>
 #include <apso/opencv/feature_tracker.hpp>
+#include <apso/opencv/motion_by_name.hpp>
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/quality/explain.hpp>
 #include <apso/version.hpp>
@@ -51,6 +55,9 @@ struct Arguments {
   std::string detections;
   std::string motion = "geometric";
   std::string spoil;
+  std::string model;
+  std::string classes;
+  std::vector<std::string> movable;
   bool no_refinement = false;
   bool write_masks = false;
   bool true_masks = false;
@@ -64,10 +71,14 @@ struct Arguments {
 struct TrackOptions {
   apso::PipelineOptions pipeline;
   apso::opencv::FeatureTrackerOptions tracker;
+  apso::opencv::MotionOptions motion;  ///< of the policies other than the default one, which is the pipeline's own
+  apso::SoftWeightOptions soft_weights;
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("pipeline", s.pipeline);
     v("tracker", s.tracker);
+    v("motion", s.motion);
+    v("soft_weights", s.soft_weights);
   }
 };
 
@@ -106,6 +117,34 @@ std::unique_ptr<track::FrameSource> open_source(const Arguments& a) {
   return std::make_unique<track::RecordedSource>(a.sequence, camera);
 }
 
+apso::ClassList class_list(const Arguments& a) {
+  apso::ClassList list;
+  if (!a.classes.empty()) list.names = apso::read_class_names(a.classes);
+  if (!a.movable.empty()) list.movable.clear();
+  for (const std::string& name : a.movable) {
+    const int id = list.id_of(name);
+    if (id < 0) throw apso::io_error("--movable: there is no class '" + name + "'");
+    list.movable.push_back(id);
+  }
+  return list;
+}
+
+/// The policy that --motion names; none for the default, which is part of the pipeline, and for "none".
+/// What the policy reads itself is taken out of the arguments, so that it is not used twice.
+std::optional<apso::AnyMotionPolicy> open_motion(Arguments& a, const apso::Pinhole& camera, const TrackOptions& options) {
+  if (a.motion == "geometric" || a.motion == "none") return std::nullopt;
+  apso::opencv::MotionFiles files;
+  files.masks = a.masks;
+  files.detections = a.detections;
+  files.model = a.model;
+  files.classes = class_list(a);
+  apso::AnyMotionPolicy policy = apso::opencv::motion_by_name(a.motion, camera, options.motion, files);
+  for (const std::string& name : apso::policy_names(a.motion)) {
+    if (name == "precomputed" || name == "semantic") a.masks = a.detections = "";
+  }
+  return policy;
+}
+
 void show_progress(int done, int total, const char* state, double ms, bool last) {
   constexpr int width = 32;
   const int filled = total > 0 ? width * done / total : width;
@@ -135,19 +174,22 @@ json evaluate(const apso::Trajectory& truth, const apso::Trajectory& estimate) {
   return result;
 }
 
-int run(const Arguments& a) {
+int run(Arguments a) {
   TrackOptions options;
   if (!a.config.empty()) apso::read_parameters(a.config, options);
-  if (a.motion == "none") options.pipeline.motion = false;
+  if (a.motion != "geometric") options.pipeline.motion = false;
   if (a.no_refinement) options.pipeline.refinement = false;
 
   std::unique_ptr<track::FrameSource> source = open_source(a);
   auto* const synthetic = dynamic_cast<track::SyntheticSource*>(source.get());
   if (!a.spoil.empty()) source = std::make_unique<track::DegradedSource>(std::move(source), a.spoil);
+  std::optional<apso::AnyMotionPolicy> motion = open_motion(a, source->camera(), options);
   std::unique_ptr<track::MaskFolder> masks;
   if (!a.masks.empty()) masks = std::make_unique<track::MaskFolder>(a.masks);
-  std::unique_ptr<track::DetectionFile> detections;
-  if (!a.detections.empty()) detections = std::make_unique<track::DetectionFile>(a.detections);
+  std::unique_ptr<apso::DetectionLog> detections;
+  if (!a.detections.empty()) {
+    detections = std::make_unique<apso::DetectionLog>(a.detections, source->camera().width, source->camera().height, class_list(a));
+  }
   if (a.true_masks && synthetic == nullptr) throw apso::io_error("--true-masks: only synthetic sequences have true masks");
 
   const fs::path out(a.output);
@@ -173,6 +215,9 @@ int run(const Arguments& a) {
   track::LoadedFrame frame;
   cv::Mat mask;
   cv::Mat mask_out;
+  apso::DynamicMask moving;       // of the policy
+  apso::Image<float> soft;        // the mask, softened
+  int softened = 0;
   for (int i = 0; i < total && interrupted == 0; ++i) {
     try {
       Stopwatch watch;
@@ -198,16 +243,33 @@ int run(const Arguments& a) {
       seen.T_world_camera_prior = prior.T_world_camera;
       seen.tracks = &tracker.tracks();
       if (detections) seen.detections = &detections->at(frame.timestamp);
+      if (motion) {
+        motion->observe(frame.rgbd, prior.T_world_camera, tracker.tracks(), moving);
+        if (apso::known_ratio(moving) > 0) {
+          apso::opencv::mask_to_8bit(moving, mask_out);
+          mask = mask.empty() ? mask_out.clone() : cv::Mat(mask | mask_out);
+        }
+        if (!motion->detections().empty()) seen.detections = &motion->detections();
+      }
       if (!mask.empty()) seen.mask = {mask.data, mask.cols, mask.rows, static_cast<std::ptrdiff_t>(mask.step)};
       const apso::Observation& observation = pipeline.observe(seen);
       ms.observe = watch.lap();
 
-      const auto features = observation.informative ? tracker.estimate(observation.mask.probability) : prior;
+      const apso::StaticSupport support = apso::static_support(observation.mask.probability, tracker.keypoints());
+      const bool soften = !support.enough(options.soft_weights);
+      if (soften) {  // too little is left: what is dynamic counts a little
+        soft = observation.mask.probability;
+        softened += apso::soften(tracker.keypoints(), options.soft_weights, soft) ? 1 : 0;
+      }
+      const auto features = observation.informative ? tracker.estimate(soften ? soft : observation.mask.probability) : prior;
       ms.features += watch.lap();
 
       pipeline.assess({&tracker.keypoints(), &tracker.tracks(), features.T_world_camera, features.T_world_predicted, features.ok});
       ms.assess = watch.lap();
       const apso::FrameReport& report = pipeline.conclude();
+      if (motion && report.state != apso::SceneState::Lost) {
+        motion->remember(frame.rgbd, report.T_world_camera, observation.mask);
+      }
       ms.refine = watch.lap();
       tracker.commit(report.T_world_camera, observation.mask.probability, report.keyframe_allowed);
       ms.map = watch.lap();
@@ -252,7 +314,8 @@ int run(const Arguments& a) {
   summary["refinement"] = options.pipeline.refinement;
   summary["frames"] = {{"in_sequence", total}, {"processed", reports.size()}, {"skipped", skipped.size()},
                        {"with_pose", final_poses.size()}, {"good", static_cast<int>(reports.size()) - bad - lost - initialising},
-                       {"bad", bad}, {"lost", lost}, {"initialising", initialising}, {"refined", refined}};
+                       {"bad", bad}, {"lost", lost}, {"initialising", initialising}, {"refined", refined},
+                       {"soft_weights", softened}};
   summary["skipped"] = skipped;
   summary["mask_problems"] = mask_problems;
   const auto column = [&](auto&& f) {
@@ -319,8 +382,19 @@ int main(int argc, char** argv) {
   app.add_option("--camera", a.camera, "tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim, or a YAML file with fx, fy, cx, cy, ...");
   app.add_option("--config", a.config, "YAML file with options; summary.json lists all of them with their values");
   app.add_option("--masks", a.masks, "folder of mask images named by the colour stamp (nonzero = dynamic)");
-  app.add_option("--detections", a.detections, "text file, lines: timestamp left top width height score class_id");
-  app.add_option("--motion", a.motion, "motion policy")->check(CLI::IsMember({"geometric", "none"}))->capture_default_str();
+  app.add_option("--detections", a.detections, "text file, lines: timestamp left top width height score class_id; or folder with a\n"
+                                               "text file per image, named by its stamp, lines: class cx cy width height [score] in\n"
+                                               "shares of the image, or left:.. top:.. right:.. bottom:.. class:NAME [score]");
+  std::string policies;
+  for (const apso::opencv::MotionName& n : apso::opencv::motion_names()) {
+    policies += "\n  " + std::string(n.name) + (n.takes_policy ? "(P): " : ": ") + n.summary;
+  }
+  app.add_option("--motion", a.motion, "motion policy, or several: P+Q either, P*Q both, P&Q objects of P that Q sees move; brackets\n"
+                                       "group. P and Q are:" + policies)->capture_default_str();
+  app.add_option("--model", a.model, "ONNX file of a detection or segmentation network, for the policy dnn; its input size, thresholds\n"
+                                     "and form of output are options (--config, motion.dnn)");
+  app.add_option("--classes", a.classes, "text file with the class names of the network, one per line (default: the 80 of COCO)");
+  app.add_option("--movable", a.movable, "names or numbers of the classes that can move (default: person, cat, dog)")->delimiter(',');
   app.add_flag("--no-refinement", a.no_refinement, "do not repair the pose of BAD frames");
   app.add_flag("--write-masks", a.write_masks, "write masks/ (8-bit PNG, 255 = dynamic, named by the colour stamp)");
   app.add_option("--threads", a.threads, "threads of the image operations")->check(CLI::Range(1, 256))->capture_default_str();

@@ -10,6 +10,7 @@
 #include <apso/evaluation/rpe.hpp>
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/executor.hpp>
+#include <apso/math/assignment.hpp>
 #include <apso/math/robust_kernel.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/sampling.hpp>
@@ -34,6 +35,7 @@
 #include <apso/observation/region_growing.hpp>
 #include <apso/observation/residual_motion.hpp>
 #include <apso/observation/small_frame.hpp>
+#include <apso/observation/soft_weights.hpp>
 #include <apso/observation/temporal_filter.hpp>
 #include <apso/observation/track_claims.hpp>
 #include <apso/observation/view_history.hpp>

@@ -218,6 +218,30 @@ TEST_CASE("a part of an object close to it stays with it, a large one becomes an
   CHECK(two[0].track_id != two[1].track_id);
 }
 
+TEST_CASE("a body that is found in parts becomes one object, and stays one") {
+  ObjectTracker tracker;
+  int id = -1;
+  for (int k = 0; k < 30; ++k) {
+    Crowd c;
+    const int x = 20 + 2 * k;
+    c.person(x, 30, 2.0F);
+    for (int y = 68; y < 72; ++y)  // at first and at last the waist is missing in the mask
+      for (int i = x; i < x + 30; ++i) {
+        if (k < 4 || k > 20) c.mask.probability(i, y) = 0.0F;
+      }
+    const auto& o = tracker.update(c.mask, c.depth);
+    CAPTURE(k);
+    if (k == 0) {
+      REQUIRE(o.size() == 2);
+      id = o[0].track_id;
+    }
+    if (k < 12) continue;
+    REQUIRE(o.size() == 1);
+    CHECK(o[0].track_id == id);
+    CHECK(o[0].box.height == doctest::Approx(80).epsilon(0.06));
+  }
+}
+
 TEST_CASE("motion probability of an object is smoothed, so one frame does not decide") {
   ObjectTrackerOptions options;
   options.keep = 0.5;

@@ -10,6 +10,7 @@
 #include <apso/observation/mask_propagation.hpp>
 #include <apso/observation/motion_policy.hpp>
 #include <apso/observation/policy_expression.hpp>
+#include <apso/observation/soft_weights.hpp>
 #include <apso/observation/temporal_filter.hpp>
 
 #include "scene.hpp"
@@ -342,6 +343,33 @@ TEST_CASE("temporal-filter: evidence moves with its surface when the camera turn
   CHECK(m.probability(144, 90) >= 0.5F);
   CHECK(m.probability(128, 90) >= 0.5F);
   CHECK(m.probability(176, 90) < 0.5F);
+}
+
+TEST_CASE("soft weights: only when the mask leaves too few keypoints or too small a share of them") {
+  std::vector<Keypoint> keypoints;
+  for (int i = 0; i < 1000; ++i) keypoints.push_back({static_cast<float>(i % 100), static_cast<float>(i / 100), 1, 0, 0});
+  keypoints.push_back({-5, 3, 1, 0, 0});  // outside
+  const auto columns = [&](int dynamic) {
+    Image<float> p(100, 10, 0.0F);
+    for (int y = 0; y < 10; ++y)
+      for (int x = 0; x < dynamic; ++x) p(x, y) = 1.0F;
+    return p;
+  };
+  const SoftWeightOptions options;
+  Image<float> p = columns(80);
+  CHECK(static_support(p, keypoints).points == 1000);
+  CHECK(static_support(p, keypoints).static_points == 200);
+  CHECK_FALSE(soften(keypoints, options, p));
+  CHECK(p(0, 0) == 1.0F);
+  p = columns(91);  // 90 points are enough, 9 % are not
+  CHECK(soften(keypoints, options, p));
+  CHECK(p(0, 0) == doctest::Approx(0.9));
+  CHECK(p(95, 0) == 0.0F);
+  keypoints.resize(100);  // one row
+  p = columns(50);        // half of them, but only 50
+  CHECK(soften(keypoints, options, p));
+  Image<float> none;
+  CHECK(static_support(none, keypoints).static_points == 100);
 }
 
 }  // namespace

@@ -35,6 +35,8 @@ struct ObjectTrackerOptions {
   int max_missed = 10;        ///< frames an identity is kept without being seen
   double keep = 0.6;          ///< share of its past motion probability an object keeps per frame
   int min_tracks = 3;         ///< fewer tracks on an object do not tell where it goes
+  double body_depth = 0.35;   ///< parts above each other that differ by less are one body [m]
+  int together = 6;           ///< frames after which two objects that are parts of one body become one
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("factor", s.factor, 1, 64);
@@ -45,6 +47,8 @@ struct ObjectTrackerOptions {
     v("max_missed", s.max_missed, 0, 100000);
     v("keep", s.keep, 0.0, 0.99);
     v("min_tracks", s.min_tracks, 1, 1000);
+    v("body_depth", s.body_depth, 0.0, 10.0);
+    v("together", s.together, 1, 100000);
   }
 };
 
@@ -109,6 +113,8 @@ class ObjectTracker {
     float dx = 0, dy = 0, dz = 0;  // predicted for this frame
     float z = 0;                   // mean depth [m], 0 = not known
     float width = 0, height = 0;   // of the box when it was seen as a whole [px]
+    int other = -1;                // identity of an older object of which this may be a part
+    int together = 0;              // ... for this many frames
   };
   /// A connected part of the mask, or the part of one that belongs to a known object.
   struct Piece {
@@ -303,7 +309,13 @@ class ObjectTracker {
     join();
   }
 
-  // An object that falls apart: small parts close by stay with it, what is large or far off is another object.
+  // Parts above each other at one depth are one body: people stand side by side.
+  [[nodiscard]] bool one_body(double a0, double a1, double za, double b0, double b1, double zb) const {
+    const double shared = std::min(a1, b1) - std::max(a0, b0);
+    return shared > 0.6 * std::min(a1 - a0, b1 - b0) && (!(za > 0 && zb > 0) || std::abs(za - zb) < options_.body_depth);
+  }
+
+  // An object that falls apart: parts of its body and small parts close by stay with it, all else is another object.
   void join() {
     for (std::size_t a = 0; a < pieces_.size(); ++a) {
       if (pieces_[a].known < 0) continue;
@@ -315,8 +327,11 @@ class ObjectTracker {
       const Piece& main = pieces_[largest];
       const int gap = std::max(std::max(pieces_[a].x0 - main.x1, main.x0 - pieces_[a].x1),
                                std::max(pieces_[a].y0 - main.y1, main.y0 - pieces_[a].y1));
-      const int reach = std::max(main.x1 - main.x0, main.y1 - main.y0) / 8;
-      pieces_[a].object = 3 * pieces_[a].pixels <= main.pixels && gap <= reach ? static_cast<int>(largest) : -1;
+      const int reach = 2 + std::max(main.x1 - main.x0, main.y1 - main.y0) / 8;
+      const auto middle = [](const Piece& p) { return p.measured > 0 ? p.depth / p.measured : 0.0; };
+      const bool body = one_body(pieces_[a].x0, pieces_[a].x1 + 1, middle(pieces_[a]), main.x0, main.x1 + 1, middle(main));
+      const bool stays = gap <= reach && (body || 3 * pieces_[a].pixels <= main.pixels);
+      pieces_[a].object = stays ? static_cast<int>(largest) : -1;
       if (pieces_[a].object < 0) pieces_[a].known = -1;
     }
     for (std::size_t a = 0; a < pieces_.size(); ++a) {
@@ -474,7 +489,35 @@ class ObjectTracker {
       k.vy *= 0.9F;
       k.vz *= 0.9F;
     }
+    unite();
     remember();
+  }
+
+  // Two objects found by motion that stay parts of one body become the older one.
+  void unite() {
+    for (std::size_t k = 1; k < known_.size(); ++k) {
+      Known& young = known_[k];
+      int found = -1;
+      std::size_t older = 0;
+      for (std::size_t j = 0; j < k && found < 0 && young.missed == 0 && young.class_id == kUnknownClass; ++j) {
+        const Known& old = known_[j];
+        if (old.missed > 0 || old.class_id != kUnknownClass) continue;
+        const auto near = static_cast<float>(2 * options_.factor);
+        const bool touch = young.box.y <= old.box.y + old.box.height + near && old.box.y <= young.box.y + young.box.height + near;
+        if (!touch || !one_body(static_cast<double>(young.box.x), static_cast<double>(young.box.x + young.box.width), static_cast<double>(young.z),
+                                static_cast<double>(old.box.x), static_cast<double>(old.box.x + old.box.width), static_cast<double>(old.z)))
+          continue;
+        found = old.id;
+        older = j;
+      }
+      young.together = found >= 0 && found == young.other ? young.together + 1 : found >= 0 ? 1 : 0;
+      young.other = found;
+      if (young.together < options_.together) continue;
+      for (int& m : match_) {
+        if (m == static_cast<int>(k)) m = static_cast<int>(older);
+      }
+      young.missed = options_.max_missed + 1;  // forgotten below
+    }
   }
 
   // Labels of the pixels by the place of their object in known_, which loses the ones that were missed too long.

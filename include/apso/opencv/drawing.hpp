@@ -2,6 +2,8 @@
 /// Pictures of one frame: mask, boxes, tracks, scores and the verdict, in the manner of the paper's figures.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -35,8 +37,16 @@ inline void mask_to_8bit(const DynamicMask& mask, cv::Mat& out) {
   }
 }
 
+/// A colour for an identity (BGR), well apart for identities that follow each other.
+[[nodiscard]] inline cv::Scalar identity_colour(int track_id) {
+  static const cv::Scalar colours[] = {{255, 200, 60},  {80, 230, 255}, {120, 255, 120}, {255, 120, 255},
+                                       {60, 160, 255}, {255, 255, 120}, {180, 140, 255}, {200, 255, 200}};
+  return track_id < 0 ? cv::Scalar(255, 255, 255) : colours[track_id % 8];
+}
+
 /// Draws what was observed and decided over a copy of the colour image (8-bit BGR).
-/// Dynamic pixels are red, objects boxed with identity and motion probability, static keypoints green dots.
+/// Dynamic pixels are red, objects boxed in the colour of their identity with class (-1 = found by motion alone), score
+/// and motion probability ("?" where it is not known), static keypoints green dots.
 [[nodiscard]] inline cv::Mat draw_overlay(const cv::Mat& bgr, const Observation& observation,
                                           const std::vector<Keypoint>& keypoints, const FrameReport& report) {
   cv::Mat out = bgr.clone();
@@ -60,11 +70,21 @@ inline void mask_to_8bit(const DynamicMask& mask, cv::Mat& out) {
   for (const Detection& d : observation.objects) {
     const cv::Rect box(static_cast<int>(d.box.x), static_cast<int>(d.box.y), static_cast<int>(d.box.width),
                        static_cast<int>(d.box.height));
-    cv::rectangle(out, box, {255, 255, 255}, 2);
-    char label[64];
-    std::snprintf(label, sizeof label, "#%d  p=%.2f", d.track_id,
-                  d.motion_probability >= 0 ? static_cast<double>(d.motion_probability) : 0.0);
-    cv::putText(out, label, {box.x + 4, box.y + 16}, cv::FONT_HERSHEY_SIMPLEX, 0.45, {255, 255, 255}, 1, cv::LINE_AA);
+    const cv::Scalar colour = identity_colour(d.track_id);
+    cv::rectangle(out, box, colour, 2);
+    char label[80];
+    int n = std::snprintf(label, sizeof label, "#%d", d.track_id);
+    if (d.class_id >= 0) n += std::snprintf(label + n, sizeof label - static_cast<std::size_t>(n), " class %d %.2f", d.class_id, static_cast<double>(d.score));
+    if (d.motion_probability >= 0) {
+      std::snprintf(label + n, sizeof label - static_cast<std::size_t>(n), " moves %.2f", static_cast<double>(d.motion_probability));
+    } else {
+      std::snprintf(label + n, sizeof label - static_cast<std::size_t>(n), " moves ?");
+    }
+    const cv::Size size = cv::getTextSize(label, cv::FONT_HERSHEY_SIMPLEX, 0.45, 1, nullptr);
+    const int left = std::clamp(box.x, 0, std::max(0, out.cols - size.width - 6));
+    const int top = std::clamp(box.y, 0, std::max(0, out.rows - 18));
+    cv::rectangle(out, cv::Rect(left, top, size.width + 6, 17), colour, cv::FILLED);
+    cv::putText(out, label, {left + 3, top + 12}, cv::FONT_HERSHEY_SIMPLEX, 0.45, {20, 20, 20}, 1, cv::LINE_AA);
   }
 
   // Bottom banner: verdict and scores.
