@@ -309,10 +309,15 @@ class ObjectTracker {
     join();
   }
 
-  // Parts above each other at one depth are one body: people stand side by side.
-  [[nodiscard]] bool one_body(double a0, double a1, double za, double b0, double b1, double zb) const {
-    const double shared = std::min(a1, b1) - std::max(a0, b0);
-    return shared > 0.6 * std::min(a1 - a0, b1 - b0) && (!(za > 0 && zb > 0) || std::abs(za - zb) < options_.body_depth);
+  // Parts above each other at one depth are one body, as are a small part and what it lies before; people stand side
+  // by side.
+  [[nodiscard]] bool one_body(const Box& a, double za, const Box& b, double zb) const {
+    if (za > 0 && zb > 0 && !(std::abs(za - zb) < options_.body_depth)) return false;
+    const float across = std::min(a.x + a.width, b.x + b.width) - std::max(a.x, b.x);
+    const float along = std::min(a.y + a.height, b.y + b.height) - std::max(a.y, b.y);
+    const float shorter = std::min(a.height, b.height);
+    const bool small_part = shorter < 0.4F * std::max(a.height, b.height);
+    return across > 0.6F * std::min(a.width, b.width) && (small_part || along < 0.4F * shorter);
   }
 
   // An object that falls apart: parts of its body and small parts close by stay with it, all else is another object.
@@ -329,7 +334,10 @@ class ObjectTracker {
                                std::max(pieces_[a].y0 - main.y1, main.y0 - pieces_[a].y1));
       const int reach = 2 + std::max(main.x1 - main.x0, main.y1 - main.y0) / 8;
       const auto middle = [](const Piece& p) { return p.measured > 0 ? p.depth / p.measured : 0.0; };
-      const bool body = one_body(pieces_[a].x0, pieces_[a].x1 + 1, middle(pieces_[a]), main.x0, main.x1 + 1, middle(main));
+      const auto box = [](const Piece& p) {
+        return Box{static_cast<float>(p.x0), static_cast<float>(p.y0), static_cast<float>(p.x1 - p.x0 + 1), static_cast<float>(p.y1 - p.y0 + 1)};
+      };
+      const bool body = one_body(box(pieces_[a]), middle(pieces_[a]), box(main), middle(main));
       const bool stays = gap <= reach && (body || 3 * pieces_[a].pixels <= main.pixels);
       pieces_[a].object = stays ? static_cast<int>(largest) : -1;
       if (pieces_[a].object < 0) pieces_[a].known = -1;
@@ -504,9 +512,7 @@ class ObjectTracker {
         if (old.missed > 0 || old.class_id != kUnknownClass) continue;
         const auto near = static_cast<float>(2 * options_.factor);
         const bool touch = young.box.y <= old.box.y + old.box.height + near && old.box.y <= young.box.y + young.box.height + near;
-        if (!touch || !one_body(static_cast<double>(young.box.x), static_cast<double>(young.box.x + young.box.width), static_cast<double>(young.z),
-                                static_cast<double>(old.box.x), static_cast<double>(old.box.x + old.box.width), static_cast<double>(old.z)))
-          continue;
+        if (!touch || !one_body(young.box, static_cast<double>(young.z), old.box, static_cast<double>(old.z))) continue;
         found = old.id;
         older = j;
       }
