@@ -67,8 +67,13 @@ class TrueBoxes {
   explicit TrueBoxes(const Truth* truth) : truth_(truth) {}
   const std::vector<apso::Detection>& detect(const apso::RgbdFrame&) {
     found_.clear();
-    for (int k = 1; k < 8 && !truth_->mask.empty(); ++k) {
-      const cv::Rect r = cv::boundingRect(truth_->mask == k);
+    if (truth_->mask.empty()) return found_;
+    double most = 0;
+    cv::minMaxLoc(truth_->mask, nullptr, &most);
+    cv::Mat labels;  // masks from files have one value for all people; then each region is one
+    const int count = most < 16 ? static_cast<int>(most) + 1 : cv::connectedComponents(truth_->mask != 0, labels, 8, CV_32S);
+    for (int k = 1; k < count; ++k) {
+      const cv::Rect r = cv::boundingRect(labels.empty() ? cv::Mat(truth_->mask == k) : cv::Mat(labels == k));
       if (r.area() < 400) continue;
       apso::Detection d;
       d.box = {static_cast<float>(r.x), static_cast<float>(r.y), static_cast<float>(r.width), static_cast<float>(r.height)};
@@ -240,6 +245,82 @@ void print(const std::string& sequence, const std::vector<std::string>& policies
   std::fflush(stdout);
 }
 
+enum class Kind { Walking, Static, Recorded };
+struct Measured {
+  std::string name;
+  Kind kind = Kind::Recorded;
+  std::vector<Score> scores;  ///< by policy
+};
+
+/// One row per policy: means over the synthetic sequences of a kind, then every recording.
+void print_overview(const std::vector<Measured>& all, const std::vector<std::string>& policies) {
+  const auto has = [&](Kind kind) { return std::any_of(all.begin(), all.end(), [&](const Measured& m) { return m.kind == kind; }); };
+  std::string head = "| policy |";
+  std::string line = "|---|";
+  const auto column = [&](const std::string& name) {
+    head += ' ' + name + " |";
+    line += "---|";
+  };
+  if (has(Kind::Walking)) {
+    for (const char* name : {"walking: IoU", "recall", "false %", "ATE m"}) column(name);
+  }
+  if (has(Kind::Static)) {
+    for (const char* name : {"static: false %", "worst %"}) column(name);
+  }
+  for (const Measured& m : all) {
+    if (m.kind != Kind::Recorded) continue;
+    column(m.name + (m.scores.front().with_people > 0 ? ": IoU" : ": dynamic %"));
+    if (m.scores.front().ate >= 0) column("ATE m");
+  }
+  column("ms");
+  std::printf("\nall sequences\n\n%s\n%s\n", head.c_str(), line.c_str());
+  for (std::size_t i = 0; i < policies.size(); ++i) {
+    std::string row = "| " + policies[i] + " |";
+    const auto put = [&](const char* format, double v) {
+      char text[32];
+      std::snprintf(text, sizeof text, format, v);
+      row += ' ' + std::string(text) + " |";
+    };
+    for (const Kind kind : {Kind::Walking, Kind::Static}) {
+      if (!has(kind)) continue;
+      double iou = 0, recall = 0, people = 0, wrong = 0, frames = 0, ate = 0, worst = 0, n = 0;
+      for (const Measured& m : all) {
+        if (m.kind != kind) continue;
+        const Score& s = m.scores[i];
+        iou += s.iou;
+        recall += s.recall;
+        people += s.with_people;
+        wrong += s.false_share;
+        frames += s.frames;
+        ate += s.ate;
+        worst = std::max(worst, s.worst);
+        n += 1;
+      }
+      if (kind == Kind::Walking) {
+        put("%.3f", iou / std::max(1.0, people));
+        put("%.3f", recall / std::max(1.0, people));
+        put("%.2f", 100 * wrong / frames);
+        put("%.4f", ate / n);
+      } else {
+        put("%.2f", 100 * wrong / frames);
+        put("%.1f", 100 * worst);
+      }
+    }
+    double ms = 0;
+    for (const Measured& m : all) {
+      const Score& s = m.scores[i];
+      ms += s.ms / static_cast<double>(all.size());
+      if (m.kind != Kind::Recorded) continue;
+      const bool people = m.scores.front().with_people > 0;
+      put(people ? "%.3f" : "%.2f", people ? s.iou / std::max(1, s.with_people) : 100 * s.false_share / std::max(1, s.frames));
+      if (m.scores.front().ate >= 0) put("%.4f", s.ate);
+    }
+    put("%.1f", ms);
+    std::printf("%s\n", row.c_str());
+  }
+  std::fflush(stdout);
+}
+
 int main_program(const Arguments& a) {
   apso::opencv::MotionOptions options;
   if (!a.config.empty()) apso::read_parameters(a.config, options);
@@ -249,46 +330,23 @@ int main_program(const Arguments& a) {
     if (!csv) throw apso::io_error(a.csv + ": cannot write");
     csv << "sequence,policy,frames,frames_with_people,iou,recall,false_share,worst_false_share,ate_m,ms_per_frame\n";
   }
-  struct Group {
-    std::string name;
-    std::vector<Score> sum;
-    int count = 0;
-  };
-  std::vector<Group> groups{{"mean of the walking sequences", {}, 0}, {"mean of the static sequences", {}, 0}};
+  std::vector<Measured> all;
   for (const std::string& text : a.sequences) {
     Sequence s = open(text, a);
-    const std::vector<Score> scores = run(s, a, options);
-    print(s.name, a.policies, scores);
-    for (std::size_t i = 0; i < scores.size() && csv; ++i) {
-      const Score& c = scores[i];
+    Measured m;
+    m.name = s.name;
+    m.kind = s.synthetic == nullptr ? Kind::Recorded : s.name.rfind("walking", 0) == 0 ? Kind::Walking : Kind::Static;
+    m.scores = run(s, a, options);
+    print(m.name, a.policies, m.scores);
+    for (std::size_t i = 0; i < m.scores.size() && csv; ++i) {
+      const Score& c = m.scores[i];
       const double n = std::max(1, c.with_people);
-      csv << s.name << ',' << a.policies[i] << ',' << c.frames << ',' << c.with_people << ',' << c.iou / n << ',' << c.recall / n
+      csv << m.name << ',' << a.policies[i] << ',' << c.frames << ',' << c.with_people << ',' << c.iou / n << ',' << c.recall / n
           << ',' << c.false_share / std::max(1, c.frames) << ',' << c.worst << ',' << c.ate << ',' << c.ms << std::endl;
     }
-    if (s.synthetic == nullptr) continue;
-    Group& g = groups[s.name.rfind("walking", 0) == 0 ? 0 : 1];
-    g.sum.resize(scores.size());
-    for (std::size_t i = 0; i < scores.size(); ++i) {
-      Score& sum = g.sum[i];
-      sum.ate = (g.count == 0 ? 0 : sum.ate) + scores[i].ate;
-      sum.iou += scores[i].iou;
-      sum.recall += scores[i].recall;
-      sum.with_people += scores[i].with_people;
-      sum.false_share += scores[i].false_share;
-      sum.worst = std::max(sum.worst, scores[i].worst);
-      sum.ms += scores[i].ms;
-      sum.frames += scores[i].frames;
-    }
-    ++g.count;
+    all.push_back(std::move(m));
   }
-  for (Group& g : groups) {
-    if (g.count < 2) continue;
-    for (Score& s : g.sum) {
-      s.ate /= g.count;
-      s.ms /= g.count;
-    }
-    print(g.name, a.policies, g.sum);
-  }
+  if (all.size() > 1) print_overview(all, a.policies);
   return 0;
 }
 

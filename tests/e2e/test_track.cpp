@@ -4,6 +4,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -177,6 +178,48 @@ TEST_CASE("a recording with broken frames is tracked, and every broken frame is 
   CHECK(evaluation["ate"]["rmse"].get<double>() == doctest::Approx(summary["final"]["ate"]["rmse"].get<double>()).epsilon(1e-4));
 }
 
+TEST_CASE("the policy is chosen by name: masks of one run serve the next, and boxes become masks") {
+  const Folder f;
+  const std::string start = "synthetic:walking_static --people 1 --seed 3 --max-frames 24 --quiet --no-refinement ";
+  const Outcome first = run(APSO_TRACK, start + "--write-masks --output " + (f.path / "a").string(), f.path);
+  INFO(first.text);
+  REQUIRE(first.code == 0);
+  const auto ratio = [](const fs::path& folder) {  // of the last frame
+    std::ifstream table(folder / "frames.csv");
+    std::string line;
+    std::getline(table, line);
+    const std::vector<std::string> header = split(line);
+    std::string last;
+    while (std::getline(table, line)) last = line;
+    const auto column = std::find(header.begin(), header.end(), "dynamic_ratio") - header.begin();
+    return std::stod(split(last)[static_cast<std::size_t>(column)]);
+  };
+  const double own = ratio(f.path / "a");
+  REQUIRE(own > 0.05);
+  const std::string masks = "--masks " + (f.path / "a" / "masks").string();
+  const Outcome again = run(APSO_TRACK, start + "--motion precomputed " + masks + " --output " + (f.path / "b").string(), f.path);
+  INFO(again.text);
+  REQUIRE(again.code == 0);
+  CHECK(ratio(f.path / "b") == doctest::Approx(own).epsilon(0.05));  // the mask on disk is cut at 0.5
+  CHECK(read_json(f.path / "b" / "summary.json")["motion"] == "precomputed");
+
+  // a box around nothing that moves is dropped by '&', kept by '+'
+  fs::create_directories(f.path / "boxes");
+  for (int i = 0; i < 24; ++i) {
+    char name[32];
+    std::snprintf(name, sizeof name, "%.6f.txt", i / 30.0);
+    std::ofstream(f.path / "boxes" / name) << "left:0 top:0 right:40 bottom:60 class:person 0.9\n";
+  }
+  const std::string boxes = "--detections " + (f.path / "boxes").string();
+  const Outcome gate = run(APSO_TRACK, start + "--motion 'precomputed & geometric' " + boxes + " --output " + (f.path / "c").string(), f.path);
+  INFO(gate.text);
+  REQUIRE(gate.code == 0);
+  CHECK(ratio(f.path / "c") < 0.5 * own);
+  const Outcome either = run(APSO_TRACK, start + "--motion precomputed+geometric " + boxes + " --output " + (f.path / "d").string(), f.path);
+  REQUIRE(either.code == 0);
+  CHECK(ratio(f.path / "d") > own);
+}
+
 TEST_CASE("bad input is named, and the exit code is not zero") {
   const Folder f;
   const std::string out = " --quiet --output " + (f.path / "out").string();
@@ -193,6 +236,9 @@ TEST_CASE("bad input is named, and the exit code is not zero") {
   fails(f.path.string() + " --camera tum-fr9", "tum-fr3");
   fails("synthetic:walking_xyz --threads 0", "--threads");
   fails("synthetic:walking_xyz --motion crystal-ball", "geometric");
+  fails("synthetic:walking_xyz --motion 'geometric+(residual'", "expected ')'");
+  fails("synthetic:walking_xyz --motion dnn", "file of a network");
+  fails("synthetic:walking_xyz --motion dnn --model " + (f.path / "no.onnx").string(), "no.onnx");
   fails("synthetic:walking_xyz --masks " + (f.path / "no_masks").string(), "no_masks");
   fails("synthetic:walking_xyz --detections " + (f.path / "no.txt").string(), "no.txt");
   std::ofstream(f.path / "bad.yaml") << "pipeline:\n  assessor:\n    no_such_option: 1\n";
