@@ -394,7 +394,7 @@ int main(int argc, char** argv) {
   app.add_option("--model", a.model, "ONNX file of a detection or segmentation network, for the policy dnn; its input size, thresholds\n"
                                      "and form of output are options (--config, motion.dnn)");
   app.add_option("--classes", a.classes, "text file with the class names of the network, one per line (default: the 80 of COCO)");
-  app.add_option("--movable", a.movable, "names or numbers of the classes that can move (default: person, cat, dog)")->delimiter(',');
+  app.add_option("--movable", a.movable, "names or numbers of the classes that can move (default: person, cat, dog)")->delimiter(',')->allow_extra_args(false);
   app.add_flag("--no-refinement", a.no_refinement, "do not repair the pose of BAD frames");
   app.add_flag("--write-masks", a.write_masks, "write masks/ (8-bit PNG, 255 = dynamic, named by the colour stamp)");
   app.add_option("--threads", a.threads, "threads of the image operations")->check(CLI::Range(1, 256))->capture_default_str();
