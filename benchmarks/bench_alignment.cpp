@@ -28,7 +28,7 @@ void align(benchmark::State& state, int references, int finest, int max_pixels) 
   const Scene& s = scene();
   apso::PyramidOptions o;
   o.finest = finest;
-  o.max_pixels = max_pixels;
+  o.selection.max_pixels = max_pixels;
   apso::FramePyramid r, c;
   r.build(s.reference.view(), s.camera, {}, o, apso::PyramidRole::Reference);
   c.build(s.current.view(), s.camera, {}, o, apso::PyramidRole::Current);

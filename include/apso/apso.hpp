@@ -11,6 +11,7 @@
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/executor.hpp>
 #include <apso/math/assignment.hpp>
+#include <apso/math/lanes.hpp>
 #include <apso/math/robust_kernel.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/sampling.hpp>
@@ -67,11 +68,15 @@
 #include <apso/refinement/direct_confidence.hpp>
 #include <apso/refinement/noise_model.hpp>
 #include <apso/refinement/normal_equations.hpp>
+#include <apso/refinement/pixel_list.hpp>
+#include <apso/refinement/plane.hpp>
 #include <apso/refinement/pose_blend.hpp>
 #include <apso/refinement/pyramid.hpp>
 #include <apso/refinement/reference_memory.hpp>
 #include <apso/refinement/refiner.hpp>
+#include <apso/refinement/region_labels.hpp>
 #include <apso/refinement/residuals.hpp>
+#include <apso/refinement/rotation_search.hpp>
 #include <apso/status.hpp>
 #include <apso/traits/byte_image.hpp>
 #include <apso/traits/camera.hpp>

@@ -9,7 +9,6 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -29,7 +28,9 @@
 #include <apso/refinement/noise_model.hpp>
 #include <apso/refinement/normal_equations.hpp>
 #include <apso/refinement/pyramid.hpp>
+#include <apso/refinement/region_labels.hpp>
 #include <apso/refinement/residuals.hpp>
+#include <apso/refinement/rotation_search.hpp>
 #include <apso/status.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -57,18 +58,20 @@ struct AlignmentOptions {
   bool graduated = false;                  ///< Tukey at the finest level, `kernel` before
   ScaleKind scale = ScaleKind::Mad;        ///< how the spread of the residuals is measured
   double scale_floor = 0.25;               ///< smallest scale, in units of the noise model
-  int scale_samples = 4096;                ///< residuals looked at for the scale
+  int scale_samples = 1024;                ///< pixels looked at for the scale; four times as many for the final one
+  double scale_change = 0.2;               ///< relative change of a scale from which the sums are made again with the new
   LevelSchedule alpha{4, 2, 1, 1};         ///< photometric against depth term: depth gives basin, intensity precision
   LevelSchedule iterations{8, 10, 15, 20}; ///< most outer iterations
-  double stop_translation = 1e-5;          ///< an increment below both stops [m]
-  double stop_rotation = 1e-5;             ///< [rad]
+  LevelSchedule stop_pixels{0.01, 0.03, 0.05, 0.05};  ///< a step that moves the image by less is the last one [px]
   double stop_relative_cost = 1e-4;        ///< a relative decrease below stops
   double damping = 1e-4;                   ///< start of the Levenberg-Marquardt factor; x10 on reject, /10 on accept
   int max_rejects = 5;                     ///< rejected steps in a row
+  bool illumination = true;                ///< gain and offset of the brightness are estimated per reference
   double degenerate_ratio = 1e-3;          ///< eigenvalue below this share of the largest is degenerate
   double degenerate_floor = 50;            ///< eigenvalue below is degenerate
-  int min_pixels = 300;                    ///< fewer valid pixels fail
+  int min_pixels = 300;                    ///< fewer valid pixels at the finest level fail
   double min_valid_share = 0.3;            ///< smaller share of valid pixels is NoOverlap
+  double min_correlation = 0.3;            ///< intensities of both images that agree less are NoOverlap
   bool prealign_rotation = true;           ///< photometric rotation-only search at the coarsest level
   int prealign_iterations = 15;
   bool check_against_guess = true;         ///< Diverged if the result explains the images worse than the guess
@@ -76,6 +79,7 @@ struct AlignmentOptions {
   double information_deflation = 0.01;     ///< neighbouring residuals are correlated: factor on the information
   double prior_sigma_translation = 0;      ///< motion prior towards the first candidate [m]; 0 = none
   double prior_sigma_rotation = 0;         ///< [rad]; 0 = none
+  RegionOptions regions;                   ///< what moves on its own counts less
   WarpOptions warp;
   NoiseOptions noise;
 
@@ -86,17 +90,19 @@ struct AlignmentOptions {
     v("scale", s.scale);
     v("scale_floor", s.scale_floor, 1e-6, 100.0);
     v("scale_samples", s.scale_samples, 64, 100000000);
+    v("scale_change", s.scale_change, 0.0, 100.0);
     v("alpha", s.alpha);
     v("iterations", s.iterations);
-    v("stop_translation", s.stop_translation, 0.0, 1.0);
-    v("stop_rotation", s.stop_rotation, 0.0, 1.0);
+    v("stop_pixels", s.stop_pixels);
     v("stop_relative_cost", s.stop_relative_cost, 0.0, 1.0);
     v("damping", s.damping, 0.0, 1e3);
     v("max_rejects", s.max_rejects, 0, 20);
+    v("illumination", s.illumination);
     v("degenerate_ratio", s.degenerate_ratio, 0.0, 1.0);
     v("degenerate_floor", s.degenerate_floor, 0.0, 1e12);
     v("min_pixels", s.min_pixels, 6, 100000000);
     v("min_valid_share", s.min_valid_share, 0.0, 1.0);
+    v("min_correlation", s.min_correlation, -1.0, 1.0);
     v("prealign_rotation", s.prealign_rotation);
     v("prealign_iterations", s.prealign_iterations, 1, 1000);
     v("check_against_guess", s.check_against_guess);
@@ -104,6 +110,7 @@ struct AlignmentOptions {
     v("information_deflation", s.information_deflation, 1e-9, 1.0);
     v("prior_sigma_translation", s.prior_sigma_translation, 0.0, 1e6);
     v("prior_sigma_rotation", s.prior_sigma_rotation, 0.0, 1e6);
+    v("regions", s.regions);
     v("warp", s.warp);
     v("noise", s.noise);
   }
@@ -118,6 +125,8 @@ struct AlignmentOptions {
   o.scale_floor = 1e-6;
   o.alpha = {0.15, 0.15, 0.15, 0.15};
   o.noise.form = NoiseForm::StaticFusion;
+  o.illumination = false;
+  o.regions.on = false;
   return o;
 }
 
@@ -138,11 +147,13 @@ struct AlignmentResult {
   Matrix6 degenerate_projector = Matrix6::Zero(); ///< onto those directions, for twists scaled by (1/l, 1), l = median_depth
   double median_depth = 0;                     ///< l [m]
   double valid_share = 0;                      ///< valid of selected pixels at the finest level
+  double correlation = 0;                  ///< of the intensities of both images, [-1,1]; 1 when the reference is bare
   double scale_intensity = 0;                  ///< final robust scale in units of the noise model; 0 = unset
   double scale_depth = 0;                      ///< the same for depth
   double cost = 0;                             ///< final mean robust cost
   WarpCounts counts;                           ///< at the finest level
   int iterations = 0;                          ///< outer iterations over all levels
+  Illumination illumination;                   ///< of the current frame against the first reference
   int start_candidate = -1;                    ///< index of the candidate it began with; the number of candidates = pre-alignment
 };
 
@@ -163,14 +174,13 @@ class DirectAligner {
     AlignmentResult result;
     if (!begin(references, current, T_world_camera_candidates, result)) return result;
     const Pose T_guess = inverse(result.T_world_camera);
-    const int coarsest = levels_ - 1;
     Pose T = choose_start(T_world_camera_candidates, result, executor);
     const Pose T_start = T;
 
     bool converged = false;
-    for (int level = coarsest; level >= 0; --level) {
+    for (int level = levels_ - 1; level >= 0; --level) {
       const Status s = solve_level(level, T_guess, T, converged, result, executor);
-      if (s == Status::TooFewPixels && level > 0) continue;  // a coarse level may be too small; finer ones have more
+      if (!succeeded(s) && level > 0) continue;  // a coarse level may be too small; finer ones have more
       if (!succeeded(s)) return fail(result, s);
     }
     finish(T_guess, T_start, T, converged, result, executor);
@@ -183,38 +193,42 @@ class DirectAligner {
                                          const Pose& T_world_camera, const Executor& executor = {}) {
     AlignmentResult result;
     if (!begin(references, current, {T_world_camera}, result)) return result;
-    warp(0, inverse(T_world_camera), accepted_, executor);
-    result.counts = counts();
+    const Pose T = inverse(T_world_camera);
+    enter(0);
+    estimate_scales(0, T, 4 * options_.scale_samples, 0);
+    sum(0, T, accepted_, executor);
+    result.counts = counts(accepted_);
     result.valid_share = share(result.counts);
     if (result.counts.valid < options_.min_pixels) return fail(result, Status::TooFewPixels);
     if (result.valid_share < options_.min_valid_share) return fail(result, Status::NoOverlap);
-    estimate_scales(0);
     report_scales(result);
-    result.cost = cost(0, accepted_, executor).mean();
+    result.cost = mean_cost(accepted_);
     result.status = Status::Converged;
     return result;
   }
 
  private:
-  static constexpr int kPart = 4096;  // pixels of one unit of work
+  static constexpr int kPart = 256;  // blocks of pixels of one unit of work
 
+  enum Buffer { accepted_ = 0, trial_ = 1 };
   struct Term {
     const FramePyramid* pyramid = nullptr;
     Pose T_world_reference = Pose::Identity();
-    double weight = 1;
+    double weight = 1;        // B_k
+    double level_weight = 1;  // the same, divided by the pixels if asked for
     TermScales scales;
-    WarpedPixels accepted, trial;
-    WarpCounts counts, trial_counts;
+    Illumination light;
+    double correlation = 0;  // of the sampled intensities
+    std::vector<TileSums> sums[2];
+    RegionLabels labels;
+    WarpCounts counts[2];
   };
   struct Part {
     int term = 0;
-    int begin = 0;
+    int begin = 0;  // tiles
     int end = 0;
     WarpCounts counts;
-    CostSum cost;
-    NormalEquations normal;
   };
-  enum Buffer { accepted_, trial_ };
 
   static AlignmentResult& fail(AlignmentResult& r, Status s) {
     r.status = s;
@@ -244,8 +258,8 @@ class DirectAligner {
     }
     current_ = &current;
     levels_ = current.size();
-    terms_.resize(references.size());
-    std::size_t n = 0;
+    if (terms_.size() < references.size()) terms_.resize(references.size());
+    used_ = 0;
     for (const AlignmentReference& r : references) {
       expects(r.pyramid != nullptr && !r.pyramid->empty(), "DirectAligner: a reference pyramid was not built");
       expects(r.pyramid->size() == current.size() &&
@@ -253,133 +267,236 @@ class DirectAligner {
                   r.pyramid->level(0).camera.height == current.level(0).camera.height,
               "DirectAligner: reference and current pyramid differ in levels or size");
       if (!(r.weight > 0) || !std::isfinite(r.weight) || !is_finite(r.T_world_reference)) continue;
-      terms_[n].pyramid = r.pyramid;
-      terms_[n].T_world_reference = r.T_world_reference;
-      terms_[n].weight = r.weight;
-      ++n;
+      Term& t = terms_[used_++];
+      t.pyramid = r.pyramid;
+      t.T_world_reference = r.T_world_reference;
+      t.weight = r.weight;
+      t.light = Illumination{};
     }
-    terms_.resize(n);
-    if (n == 0) {
+    if (used_ == 0) {
       result.status = Status::NoReference;
       return false;
     }
     return true;
   }
 
-  void make_parts(int level) {
+  // Cuts the work of a level into parts.
+  void enter(int level) {
     parts_.clear();
-    for (std::size_t k = 0; k < terms_.size(); ++k) {
-      const PixelList& list = terms_[k].pyramid->level(level).pixels;
-      const int n = list.padded();
-      terms_[k].accepted.resize(static_cast<std::size_t>(n));
-      terms_[k].trial.resize(static_cast<std::size_t>(n));
-      for (int b = 0; b < n; b += kPart) {
+    for (std::size_t k = 0; k < used_; ++k) {
+      Term& t = terms_[k];
+      const PixelList& list = t.pyramid->level(level).pixels;
+      const int n = static_cast<int>(list.tiles.size());
+      for (auto& s : t.sums) s.resize(static_cast<std::size_t>(n));
+      t.labels.reset(static_cast<std::size_t>(n));
+      for (int b = 0; b < n;) {
         Part p;
         p.term = static_cast<int>(k);
         p.begin = b;
-        p.end = std::min(n, b + kPart);
+        const int first = list.tiles[static_cast<std::size_t>(b)].begin;
+        while (b < n && list.tiles[static_cast<std::size_t>(b)].end - first <= kPart) ++b;
+        p.end = b = std::max(b, p.begin + 1);
         parts_.push_back(p);
       }
-      terms_[k].scales.alpha = options_.alpha.at(level);
-      terms_[k].scales.weight =
-          options_.per_reference_mean ? terms_[k].weight * 2e4 / std::max(1, list.count) : terms_[k].weight;
+      t.scales.alpha = options_.alpha.at(level);
+      t.level_weight = options_.per_reference_mean ? t.weight * 2e4 / std::max(1, list.count) : t.weight;
     }
-    part_level_ = level;
-  }
-
-  [[nodiscard]] RobustKernel kernel(int level) const {
-    RobustKernel k = options_.kernel;
+    kernel_ = options_.kernel;
     if (options_.graduated && level == 0) {
-      k.kind = KernelKind::Tukey;
-      k.k = 0;
+      kernel_.kind = KernelKind::Tukey;
+      kernel_.k = 0;
     }
-    return k;
   }
 
-  template <class Executor>
-  void warp(int level, const Pose& T_camera_world, Buffer buffer, const Executor& executor) {
-    if (part_level_ != level || buffer == accepted_) make_parts(level);
-    const PyramidLevel& target = current_->level(level);
+  [[nodiscard]] Warper warper(int level, const Term& t, const Pose& T_camera_world) const {
     const auto gate = static_cast<float>(std::pow(static_cast<double>(options_.warp.gate_growth), level));
+    return Warper(current_->level(level), T_camera_world * t.T_world_reference, t.light, options_.warp, options_.noise, gate,
+                  current_->background());
+  }
+
+  // One pass over all pixels: the sums of every `step`-th tile.
+  template <class Executor>
+  void sum(int level, const Pose& T_camera_world, Buffer buffer, const Executor& executor, int step = 1) {
     executor(static_cast<int>(parts_.size()), [&](int i) {
       Part& p = parts_[static_cast<std::size_t>(i)];
       Term& t = terms_[static_cast<std::size_t>(p.term)];
-      p.counts = warp_pixels(t.pyramid->level(level).pixels, target, T_camera_world * t.T_world_reference, options_.warp,
-                             options_.noise, gate, p.begin, p.end, buffer == accepted_ ? t.accepted : t.trial);
+      const PixelList& list = t.pyramid->level(level).pixels;
+      TileSummer summer(warper(level, t, T_camera_world), kernel_, t.scales);
+      for (int k = (p.begin + step - 1) / step * step; k < p.end; k += step) {
+        const auto n = static_cast<std::size_t>(k);
+        summer(list, list.tiles[n], t.sums[buffer][n]);
+      }
+      p.counts = summer.counts();
     });
-    for (Term& t : terms_) (buffer == accepted_ ? t.counts : t.trial_counts) = WarpCounts{};
-    for (const Part& p : parts_) {
-      Term& t = terms_[static_cast<std::size_t>(p.term)];
-      (buffer == accepted_ ? t.counts : t.trial_counts) += p.counts;
-    }
+    for (std::size_t k = 0; k < used_; ++k) terms_[k].counts[buffer] = WarpCounts{};
+    for (const Part& p : parts_) terms_[static_cast<std::size_t>(p.term)].counts[buffer] += p.counts;
   }
   void accept_trial() {
-    for (Term& t : terms_) {
-      std::swap(t.accepted, t.trial);
-      std::swap(t.counts, t.trial_counts);
+    for (std::size_t k = 0; k < used_; ++k) {
+      Term& t = terms_[k];
+      std::swap(t.sums[accepted_], t.sums[trial_]);
+      std::swap(t.counts[accepted_], t.counts[trial_]);
     }
   }
-  [[nodiscard]] WarpCounts counts() const {
+  [[nodiscard]] WarpCounts counts(Buffer buffer) const {
     WarpCounts c;
-    for (const Term& t : terms_) c += t.counts;
+    for (std::size_t k = 0; k < used_; ++k) c += terms_[k].counts[buffer];
     return c;
   }
-
-  template <class Executor>
-  [[nodiscard]] CostSum cost(int level, Buffer buffer, const Executor& executor) {
-    kernel(level).template visit<float>([&](const auto& k) {
-      executor(static_cast<int>(parts_.size()), [&](int i) {
-        Part& p = parts_[static_cast<std::size_t>(i)];
-        const Term& t = terms_[static_cast<std::size_t>(p.term)];
-        p.cost = sum_cost(buffer == accepted_ ? t.accepted : t.trial, k, t.scales, p.begin, p.end);
-      });
-    });
-    CostSum sum;
-    for (const Part& p : parts_) sum += p.cost;
-    return sum;
-  }
-  template <class Executor>
-  [[nodiscard]] NormalEquations normal_equations(int level, const Executor& executor) {
-    kernel(level).template visit<float>([&](const auto& k) {
-      executor(static_cast<int>(parts_.size()), [&](int i) {
-        Part& p = parts_[static_cast<std::size_t>(i)];
-        const Term& t = terms_[static_cast<std::size_t>(p.term)];
-        p.normal = sum_normal_equations(t.accepted, k, t.scales, p.begin, p.end);
-      });
-    });
-    NormalEquations sum;
-    for (const Part& p : parts_) sum += p.normal;
-    return sum;
-  }
-
-  double scale_of(const std::vector<float>& s, const std::vector<float>& w, int valid) {
-    samples_.clear();
-    const auto step = static_cast<std::size_t>(std::max(1, valid / options_.scale_samples));
-    std::size_t n = 0;
-    for (std::size_t i = 0; i < s.size(); ++i) {
-      if (w[i] > 0 && n++ % step == 0) samples_.push_back(s[i]);
+  // Mean cost of every `step`-th tile.
+  [[nodiscard]] double mean_cost(Buffer buffer, std::size_t step = 1) const {
+    double cost = 0;
+    double weight = 0;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const Term& t = terms_[k];
+      for (std::size_t i = 0; i < t.sums[buffer].size(); i += step) {
+        const double w = t.level_weight * static_cast<double>(t.labels[i]);
+        cost += w * static_cast<double>(t.sums[buffer][i].cost);
+        weight += w * static_cast<double>(t.sums[buffer][i].weight);
+      }
     }
-    return std::max(options_.scale_floor, robust_scale_in_place(options_.scale, samples_));
+    return weight > 0 ? cost / weight : std::numeric_limits<double>::infinity();
   }
-  void estimate_scales(int) {
-    for (Term& t : terms_) {
-      t.scales.scale_intensity = scale_of(t.accepted.si, t.accepted.wi, t.counts.valid);
-      t.scales.scale_depth = scale_of(t.accepted.sd, t.accepted.wd, t.counts.valid);
+  // For an increment of T_camera_world from the left, summed over the references.
+  [[nodiscard]] NormalEquations normal_equations(const Pose& T_camera_world) const {
+    NormalEquations all;
+    for (std::size_t k = 0; k < used_; ++k) {
+      PixelSums<double> sum{};
+      const Term& t = terms_[k];
+      for (std::size_t i = 0; i < t.sums[accepted_].size(); ++i) add(sum, t.sums[accepted_][i], t.labels[i]);
+      NormalEquations n = moved_to_left(sum.equations(), T_camera_world * terms_[k].T_world_reference);
+      n.H *= terms_[k].level_weight;
+      n.b *= terms_[k].level_weight;
+      all += n;
+    }
+    return all;
+  }
+
+  // Robust scales, and brightness, from about `most` pixels of each reference. They are kept unless one of them differs
+  // by more than `tolerated`, since costs can be compared only at the same scales.
+  // \return whether they were changed
+  bool estimate_scales(int level, const Pose& T_camera_world, int most, double tolerated) {
+    bool changed = false;
+    for (std::size_t k = 0; k < used_; ++k) {
+      Term& t = terms_[k];
+      const PixelList& list = t.pyramid->level(level).pixels;
+      const Warper warp = warper(level, t, T_camera_world);
+      const int blocks = list.blocks();
+      const int n = std::min(blocks, std::max(1, most / PixelList::kBlock));
+      samples_intensity_.clear();
+      samples_depth_.clear();
+      pairs_.clear();
+      for (int i = 0; i < n; ++i) {
+        const float* block = list.block(static_cast<int>(static_cast<long long>(i) * blocks / n));
+        for (int at = 0; at < PixelList::kBlock; at += kLanes) {
+          WarpedLanes o;
+          warp.warp(block, at, o);
+          for (int j = 0; j < kLanes; ++j) {
+            if (o.weight_intensity[j] > 0) {
+              const float inverse_sigma = std::sqrt(o.inverse_intensity[j]);
+              samples_intensity_.push_back(o.residual_intensity[j] * inverse_sigma);
+              pairs_.push_back({block[PixelList::kIntensity * PixelList::kBlock + at + j], o.current[j], inverse_sigma});
+            }
+            if (o.weight_depth[j] > 0) samples_depth_.push_back(o.residual_depth[j] * std::sqrt(o.inverse_depth[j]));
+          }
+        }
+      }
+      t.correlation = correlate();
+      Illumination light = t.light;
+      if (options_.illumination && pairs_.size() >= 32) fit_light(light);
+      const double i = std::max(options_.scale_floor, robust_scale_in_place(options_.scale, samples_intensity_));
+      const double d = std::max(options_.scale_floor, robust_scale_in_place(options_.scale, samples_depth_));
+      const auto differs = [&](double a, double b) { return std::abs(a - b) > tolerated * std::min(a, b); };
+      const double brighter = std::abs(0.5 * static_cast<double>(light.gain - t.light.gain) +
+                                       static_cast<double>(light.offset - t.light.offset));
+      if (differs(i, t.scales.scale_intensity) || differs(d, t.scales.scale_depth) ||
+          brighter > tolerated * static_cast<double>(options_.noise.sigma_intensity) * i) {
+        t.scales.scale_intensity = i;
+        t.scales.scale_depth = d;
+        t.light = light;
+        changed = true;
+      }
+    }
+    return changed;
+  }
+
+  // Correlation of the sampled intensities; 1 where the reference has no more contrast than noise.
+  [[nodiscard]] double correlate() const {
+    double n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+    for (const LightSample& p : pairs_) {
+      const double a = static_cast<double>(p.reference);
+      const double b = static_cast<double>(p.current);
+      n += 1;
+      x += a;
+      y += b;
+      xx += a * a;
+      xy += a * b;
+      yy += b * b;
+    }
+    if (n < 2) return 0;
+    const double noise = static_cast<double>(options_.noise.sigma_intensity);
+    const double vx = xx / n - x / n * (x / n);
+    const double vy = yy / n - y / n * (y / n);
+    if (vx < 2 * noise * noise) return 1;
+    return vy > 1e-12 ? (xy / n - x / n * (y / n)) / std::sqrt(vx * vy) : 0.0;
+  }
+
+  // Robust line I_c = gain I_k + offset through the sampled pairs, held at (1, 0) by a weak prior. The residuals of the
+  // sample are brought up to date.
+  void fit_light(Illumination& light) {
+    constexpr double kPrior = 100;  // 1 / 0.1^2
+    sorted_ = samples_intensity_;
+    const double scale = std::max(options_.scale_floor, mad_scale_in_place(sorted_)) * 2.3849;
+    double gain = static_cast<double>(light.gain);
+    double offset = static_cast<double>(light.offset);
+    for (int it = 0; it < 3; ++it) {
+      double aa = kPrior;
+      double ab = 0;
+      double bb = kPrior;
+      double ya = kPrior;
+      double yb = 0;
+      for (const LightSample& p : pairs_) {
+        const double a = static_cast<double>(p.reference);
+        const double y = static_cast<double>(p.current);
+        const double inverse = static_cast<double>(p.inverse_sigma);
+        const double s = (y - gain * a - offset) * inverse / scale;
+        const double w = inverse * inverse / (scale * scale) / (1 + s * s);
+        aa += w * a * a;
+        ab += w * a;
+        bb += w;
+        ya += w * a * y;
+        yb += w * y;
+      }
+      const double det = aa * bb - ab * ab;
+      gain = (ya * bb - yb * ab) / det;
+      offset = (aa * yb - ab * ya) / det;
+    }
+    if (!std::isfinite(gain) || !std::isfinite(offset) || gain < 0.3 || gain > 3) return;
+    light.gain = static_cast<float>(gain);
+    light.offset = static_cast<float>(offset);
+    for (std::size_t i = 0; i < pairs_.size(); ++i) {
+      const LightSample& p = pairs_[i];
+      samples_intensity_[i] = (p.current - light.gain * p.reference - light.offset) * p.inverse_sigma;
     }
   }
+
   // Geometric mean over the references, weighted by B_k N_k.
   void report_scales(AlignmentResult& r) const {
     double weight = 0;
     double i = 0;
     double d = 0;
-    for (const Term& t : terms_) {
-      const double w = t.weight * t.counts.valid;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const Term& t = terms_[k];
+      const double w = t.weight * t.counts[accepted_].valid;
       weight += w;
       i += w * std::log(t.scales.scale_intensity);
       d += w * std::log(t.scales.scale_depth);
     }
     r.scale_intensity = weight > 0 ? std::exp(i / weight) : 0.0;
     r.scale_depth = weight > 0 ? std::exp(d / weight) : 0.0;
+    r.illumination = terms_.front().light;
+    r.correlation = 1;
+    for (std::size_t k = 0; k < used_; ++k) r.correlation = std::min(r.correlation, terms_[k].correlation);
   }
 
   // The candidate with the lowest cost at the coarsest level, all at the same scale.
@@ -388,12 +505,13 @@ class DirectAligner {
     const int level = levels_ - 1;
     double best = std::numeric_limits<double>::infinity();
     Pose T = inverse(result.T_world_camera);
+    enter(level);
+    for (std::size_t k = 0; k < used_; ++k) terms_[k].scales.scale_intensity = terms_[k].scales.scale_depth = 1.0;
     const auto consider = [&](const Pose& T_camera_world, int index) {
-      warp(level, T_camera_world, accepted_, executor);
-      for (Term& t : terms_) t.scales.scale_intensity = t.scales.scale_depth = 1.0;
-      const CostSum c = cost(level, accepted_, executor);
-      if (c.weight > 0 && c.mean() < best) {
-        best = c.mean();
+      sum(level, T_camera_world, trial_, executor);
+      const double c = mean_cost(trial_);
+      if (c < best) {
+        best = c;
         T = T_camera_world;
         result.start_candidate = index;
       }
@@ -402,103 +520,24 @@ class DirectAligner {
       if (is_finite(candidates[i])) consider(inverse(candidates[i]), static_cast<int>(i));
     }
     if (options_.prealign_rotation) {
-      const Pose rotated = prealign_rotation(T);
-      if (is_finite(rotated)) consider(rotated, static_cast<int>(candidates.size()));
+      const Term& t = terms_.front();
+      const Pose found = rotation_search_(t.pyramid->level(level).pixels, current_->level(level), T * t.T_world_reference,
+                                          options_.prealign_iterations);
+      // the camera turns about itself
+      Pose rotated = T;
+      const Eigen::Matrix3d turn = found.linear() * (T * t.T_world_reference).linear().transpose();
+      rotated.linear() = turn * T.linear();
+      rotated.translation() = turn * T.translation();
+      if (is_finite(rotated)) consider(normalized(rotated), static_cast<int>(candidates.size()));
     }
     return T;
-  }
-
-  // Photometric Gauss-Newton over the rotation on the homography of the plane at infinity, u = pi(R ray), against
-  // the first reference at the coarsest level (idea: ElasticFusion, Whelan et al. 2016). Returns the best iterate.
-  Pose prealign_rotation(const Pose& T_camera_world) {
-    const Term& term = terms_.front();
-    const int level = levels_ - 1;
-    const PixelList& list = term.pyramid->level(level).pixels;
-    const PyramidLevel& target = current_->level(level);
-    const ImageView<const float> image = target.intensity.view();
-    const Pinhole& cam = target.camera;
-    constexpr int C = PyramidLevel::kChannels;
-    Pose T = T_camera_world;
-    Pose best = T;
-    double best_cost = std::numeric_limits<double>::infinity();
-    const std::size_t n = static_cast<std::size_t>(list.count);
-    rows_.resize(n);
-    for (int it = 0; it <= options_.prealign_iterations; ++it) {
-      const Eigen::Matrix3f R = (T * term.T_world_reference).linear().cast<float>();
-      double total = 0;
-      double weight = 0;
-      std::size_t m = 0;
-      samples_.clear();
-      for (std::size_t i = 0; i < n; ++i) {
-        const Eigen::Vector3f y = R * Eigen::Vector3f(list.x[i] / list.z[i], list.y[i] / list.z[i], 1.0F);
-        constexpr float kLost = 0.2F;  // cost of a lost pixel, and the largest of any
-        weight += static_cast<double>(list.gamma[i]);
-        if (!(y.z() > 0.1F)) {
-          total += static_cast<double>(kLost * list.gamma[i]);
-          continue;
-        }
-        const auto fx = static_cast<float>(cam.fx);
-        const auto fy = static_cast<float>(cam.fy);
-        const float u = fx * y.x() / y.z() + static_cast<float>(cam.cx);
-        const float v = fy * y.y() / y.z() + static_cast<float>(cam.cy);
-        if (!can_sample(image, static_cast<double>(u), static_cast<double>(v))) {
-          total += static_cast<double>(kLost * list.gamma[i]);
-          continue;
-        }
-        const Sample s = bilinear(image, static_cast<double>(u), static_cast<double>(v));
-        const std::ptrdiff_t nearest =
-            static_cast<std::ptrdiff_t>(std::lround(v)) * image.width + static_cast<std::ptrdiff_t>(std::lround(u));
-        const float gamma = list.gamma[i] * target.texture[static_cast<std::size_t>(nearest * C + 3)];
-        const float r = s.value - list.intensity[i];
-        total += static_cast<double>(std::min(std::abs(r), kLost) * gamma);
-        if (!(gamma > 0)) continue;
-        const float iz = 1.0F / y.z();
-        Eigen::Vector3f a(s.dx * fx * iz, s.dy * fy * iz, 0.0F);
-        a.z() = -(a.x() * y.x() + a.y() * y.y()) * iz;
-        const Eigen::Vector3f j = y.cross(a);
-        rows_[m++] = {j.x(), j.y(), j.z(), r, gamma};
-        samples_.push_back(r);
-      }
-      const double cost = weight > 0 ? total / weight : std::numeric_limits<double>::infinity();
-      if (cost < best_cost) {
-        best_cost = cost;
-        best = T;
-      } else if (it > 2 && cost > 1.2 * best_cost) {
-        break;
-      }
-      if (m < 100 || it == options_.prealign_iterations) break;
-      const double scale = std::max(1e-3, mad_scale_in_place(samples_)) * 2.3849;
-      const auto inv = static_cast<float>(1.0 / scale);
-      Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
-      Eigen::Vector3d b = Eigen::Vector3d::Zero();
-      for (std::size_t i = 0; i < m; ++i) {
-        const auto& row = rows_[i];
-        const Eigen::Vector3d j(static_cast<double>(row[0]), static_cast<double>(row[1]), static_cast<double>(row[2]));
-        const float s = row[3] * inv;
-        const double w = static_cast<double>(row[4] / (1.0F + s * s));
-        H += w * j * j.transpose();
-        b -= w * static_cast<double>(row[3]) * j;
-      }
-      H.diagonal() *= 1.0 + 1e-4;
-      H.diagonal().array() += 1e-9;
-      const Eigen::Vector3d step = H.ldlt().solve(b);
-      if (!step.allFinite()) break;
-      Twist xi = Twist::Zero();
-      xi.tail<3>() = step.norm() > 0.2 ? Eigen::Vector3d(step * (0.2 / step.norm())) : step;
-      T = normalized(se3_exp(xi) * T);
-      if (step.norm() < 1e-4) {
-        // one more look at the cost of this last iterate is not worth an iteration when it hardly moved
-        break;
-      }
-    }
-    return best;
   }
 
   [[nodiscard]] double typical_depth(int level) const {
     double sum = 0;
     double weight = 0;
-    for (const Term& t : terms_) {
-      const PyramidLevel& l = t.pyramid->level(level);
+    for (std::size_t k = 0; k < used_; ++k) {
+      const PyramidLevel& l = terms_[k].pyramid->level(level);
       sum += static_cast<double>(l.median_depth) * l.pixels.count;
       weight += l.pixels.count;
     }
@@ -542,20 +581,26 @@ class DirectAligner {
     using Vector6 = Eigen::Matrix<double, 6, 1>;
     using Mat6 = Eigen::Matrix<double, 6, 6>;
     converged = false;
-    warp(level, T, accepted_, executor);
-    WarpCounts c = counts();
-    if (c.selected < options_.min_pixels) return Status::TooFewPixels;
-    if (c.valid < options_.min_pixels) return level > 0 ? Status::TooFewPixels : Status::NoOverlap;
+    enter(level);
+    estimate_scales(level, T, options_.scale_samples, 0);
+    sum(level, T, accepted_, executor);
+    // a coarse image has fewer pixels in all
+    const int enough = std::max(6, options_.min_pixels >> (2 * level));
+    if (counts(accepted_).selected < enough) return Status::TooFewPixels;
+    if (counts(accepted_).valid < enough) return Status::NoOverlap;
     const double depth = typical_depth(level);
+    const double focal = current_->level(level).camera.fx;
     Vector6 D;
     D << depth, depth, depth, 1, 1, 1;
     double mu = options_.damping;
     const int most = static_cast<int>(options_.iterations.at(level));
     for (int it = 0; it < most && !converged; ++it) {
       ++result.iterations;
-      estimate_scales(level);
-      const double before = cost(level, accepted_, executor).mean();
-      NormalEquations n = normal_equations(level, executor);
+      if (options_.regions.on) {
+        for (std::size_t k = 0; k < used_; ++k) terms_[k].labels.update(terms_[k].sums[accepted_], options_.regions);
+      }
+      const double before = mean_cost(accepted_);
+      NormalEquations n = normal_equations(T);
       if (!std::isfinite(before) || !n.H.allFinite() || !n.b.allFinite()) return Status::Diverged;
       add_prior(T_guess, T, n);
       Mat6 P;
@@ -568,28 +613,36 @@ class DirectAligner {
         // Solved within the determined directions only; the identity on the others keeps the system regular.
         Mat6 A = keep * scaled * keep + scaled(0, 0) * P + 1e-12 * scaled.trace() * Mat6::Identity();
         A.diagonal() += mu * scaled.diagonal();
-        const Vector6 step = D.asDiagonal() * (keep * A.ldlt().solve(keep * right));
+        const Vector6 scaled_step = keep * A.ldlt().solve(keep * right);
+        const Vector6 step = D.asDiagonal() * scaled_step;
         if (!step.allFinite()) return Status::Diverged;
-        const bool tiny = step.head<3>().cwiseAbs().maxCoeff() < options_.stop_translation &&
-                          step.tail<3>().cwiseAbs().maxCoeff() < options_.stop_rotation;
+        const bool tiny = focal * scaled_step.cwiseAbs().maxCoeff() < options_.stop_pixels.at(level);
         const Pose T_trial = normalized(se3_exp(step) * T);
-        warp(level, T_trial, trial_, executor);
-        const CostSum after = cost(level, trial_, executor);
-        if (after.weight > 0 && after.mean() < before) {
+        if (tiny && reject == 0) {  // taken without another look
+          T = T_trial;
+          converged = moved = true;
+          break;
+        }
+        sum(level, T_trial, trial_, executor);
+        const double after = mean_cost(trial_);
+        if (after < before) {
           T = T_trial;
           accept_trial();
           moved = true;
           mu = std::max(1e-9, mu / 10);
-          converged = tiny || before - after.mean() < options_.stop_relative_cost * before;
+          converged = tiny || before - after < options_.stop_relative_cost * before;
           break;
         }
         mu = std::max(1e-9, mu * 10);
         if (tiny) break;
       }
-      if (!moved) converged = true;  // no step lowers the cost: a minimum
+      if (!moved) {  // no step lowers the cost: a minimum
+        converged = true;
+      } else if (!converged && estimate_scales(level, T, options_.scale_samples, options_.scale_change)) {
+        sum(level, T, accepted_, executor);
+      }
     }
-    c = counts();
-    if (c.valid < options_.min_pixels) return level > 0 ? Status::TooFewPixels : Status::NoOverlap;
+    if (counts(accepted_).valid < enough) return Status::NoOverlap;
     return Status::Converged;
   }
 
@@ -598,23 +651,26 @@ class DirectAligner {
               const Executor& executor) {
     using Mat6 = Eigen::Matrix<double, 6, 6>;
     using Vector6 = Eigen::Matrix<double, 6, 1>;
-    r.counts = counts();
+    r.counts = counts(accepted_);
     r.valid_share = share(r.counts);
-    estimate_scales(0);
-    report_scales(r);
-    const CostSum final_cost = cost(0, accepted_, executor);
-    r.cost = final_cost.mean();
-    NormalEquations n = normal_equations(0, executor);
+    r.cost = mean_cost(accepted_);
+    const NormalEquations n = normal_equations(T);
     if (!is_finite(T) || !std::isfinite(r.cost) || !n.H.allFinite()) {
       r.cost = 0;
       fail(r, Status::Diverged);
       return;
     }
+    estimate_scales(0, T, 4 * options_.scale_samples, 0);
+    report_scales(r);
     r.median_depth = typical_depth(0);
     Mat6 P;
     r.degenerate_count = degenerate(n.H, r.median_depth, P, &r.eigenvalues);
     r.degenerate_projector = P;
-    if (r.valid_share < options_.min_valid_share) {
+    if (r.counts.valid_depth < options_.min_pixels) {
+      fail(r, Status::TooFewPixels);
+      return;
+    }
+    if (r.valid_share < options_.min_valid_share || r.correlation < options_.min_correlation) {
       fail(r, Status::NoOverlap);
       return;
     }
@@ -632,9 +688,9 @@ class DirectAligner {
       T = normalized(se3_exp(back) * T);
     }
     if (options_.check_against_guess) {
-      warp(0, T_guess, trial_, executor);
-      const CostSum guess_cost = cost(0, trial_, executor);
-      if (guess_cost.weight > 0 && guess_cost.mean() < r.cost * (1 - 1e-9)) {
+      constexpr int kStep = 8;  // an eighth of the pixels will do
+      sum(0, T_guess, trial_, executor, kStep);
+      if (mean_cost(trial_, kStep) < 0.99 * mean_cost(accepted_, kStep)) {
         fail(r, Status::Diverged);
         return;
       }
@@ -650,14 +706,20 @@ class DirectAligner {
     r.status = r.degenerate_count > 0 ? Status::Degenerate : (converged ? Status::Converged : Status::MaxIterations);
   }
 
+  struct LightSample {
+    float reference, current, inverse_sigma;
+  };
+
   AlignmentOptions options_;
+  RobustKernel kernel_;
   const FramePyramid* current_ = nullptr;
   int levels_ = 0;
-  int part_level_ = -1;
+  std::size_t used_ = 0;  // terms of this call
   std::vector<Term> terms_;
   std::vector<Part> parts_;
-  std::vector<float> samples_;
-  std::vector<std::array<float, 5>> rows_;
+  RotationSearch rotation_search_;
+  std::vector<float> samples_intensity_, samples_depth_, sorted_;
+  std::vector<LightSample> pairs_;
 };
 
 APSO_NAMESPACE_END

@@ -1,18 +1,25 @@
 /// \file
-/// Sums over warped pixels: the robust cost, and the 6x6 normal equations of its Gauss-Newton step.
+/// Sums over the warped pixels of a tile: the robust cost, and the 6x6 normal equations of its Gauss-Newton step.
 ///
-///     H = sum B gamma (alpha^2 w(s_I) J_I^T J_I + w(s_D) J_D^T J_D),  b = -sum B gamma (alpha^2 w J_I^T s_I + w J_D^T s_D)
+///     H = sum gamma (alpha^2 w(s_I)/sigma_I^2 J_I^T J_I + w(s_D)/sigma_D^2 J_D^T J_D)
+///     b = -sum gamma (alpha^2 w(s_I)/sigma_I^2 J_I^T r_I + w(s_D)/sigma_D^2 J_D^T r_D)
 ///
-/// Every sum runs over a fixed part of the pixels in a fixed order, float within a block and double across blocks;
-/// the parts are added in order by the caller. The result does not depend on the number of threads.
+/// One pass over a tile warps, looks up, weighs and sums. Both rows of the Jacobian are (a, X x a), so with
+/// M = sum of q a a^T the blocks of H are sum M, sum [X]x M and sum [X]x M [X]x^T.
+///
+/// Sums run over a tile in a fixed order, in float; tiles are added in order, in double. The result does not depend on the
+/// number of threads.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
-#include <type_traits>
+#include <cstddef>
+#include <cstring>
 
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/math/lanes.hpp>
 #include <apso/math/robust_kernel.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/refinement/residuals.hpp>
@@ -24,20 +31,6 @@ struct TermScales {
   double scale_intensity = 1;  ///< robust scale of the photometric residuals, in units of the noise model
   double scale_depth = 1;      ///< robust scale of the depth residuals, in units of the noise model
   double alpha = 1;            ///< photometric term against depth term
-  double weight = 1;           ///< weight B_k of the reference
-};
-
-/// Robust cost and what it would be divided by.
-struct CostSum {
-  double cost = 0;
-  double weight = 0;
-  CostSum& operator+=(const CostSum& o) {
-    cost += o.cost;
-    weight += o.weight;
-    return *this;
-  }
-  /// Mean cost; 0 when nothing was summed.
-  [[nodiscard]] double mean() const { return weight > 0 ? cost / weight : 0.0; }
 };
 
 struct NormalEquations {
@@ -50,103 +43,254 @@ struct NormalEquations {
   }
 };
 
-namespace detail {
-template <class Kernel>
-inline void block_weights(const Kernel& kernel, const Block& s2, Block& w) {
-  if constexpr (std::is_same_v<Kernel, kernels::Cauchy<float>>) {
-    w = (1.0F + s2 * (1.0F / (kernel.k * kernel.k))).inverse();
-  } else {
-    for (int j = 0; j < kPixelBlock; ++j) w[j] = kernel.weight(s2[j]);
-  }
-}
-template <class Kernel>
-inline void block_rhos(const Kernel& kernel, const Block& s2, Block& r) {
-  if constexpr (std::is_same_v<Kernel, kernels::Cauchy<float>>) {
-    r = (0.5F * kernel.k * kernel.k) * (1.0F + s2 * (1.0F / (kernel.k * kernel.k))).log();
-  } else {
-    for (int j = 0; j < kPixelBlock; ++j) r[j] = kernel.rho(s2[j]);
-  }
-}
-}  // namespace detail
+/// The sums of one tile, or of several with T = double. The increment is (v, w) in the frame of the reference,
+/// T <- T Exp(d).
+template <class T>
+struct PixelSums {
+  T vv[6];   ///< H of v and v: 00 01 02 11 12 22
+  T wv[9];   ///< H of w and v, row by row
+  T ww[6];   ///< H of w and w
+  T v[3];    ///< minus b of v
+  T w[3];    ///< minus b of w
+  T cost;    ///< robust cost, lost pixels charged
+  T weight;  ///< what the cost is divided by
+  static constexpr int kSize = 29;
 
-/// Robust cost of the pixels [begin, end). A pixel without residual is charged rho(3) for both kinds, so that the
-/// cost cannot be lowered by pushing pixels out of the image; a missing depth residual is neither charged nor counted.
-template <class Kernel>
-CostSum sum_cost(const WarpedPixels& p, const Kernel& kernel, const TermScales& t, int begin, int end) {
-  using detail::block;
-  using detail::Block;
-  const auto ii = static_cast<float>(1.0 / t.scale_intensity);
-  const auto id = static_cast<float>(1.0 / t.scale_depth);
-  const auto a2 = static_cast<float>(t.alpha * t.alpha);
-  const double rho_lost = static_cast<double>(kernel.rho(9.0F));
-  CostSum sum;
-  Block ri, rd;
-  for (int at = begin; at < end; at += kPixelBlock) {
-    const Block si = (block(p.si, at) * ii).square();
-    const Block sd = (block(p.sd, at) * id).square();
-    detail::block_rhos(kernel, si, ri);
-    detail::block_rhos(kernel, sd, rd);
-    const auto wi = block(p.wi, at);
-    const auto wd = block(p.wd, at);
-    const double lost = static_cast<double>(block(p.lost, at).sum()) * (1.0 + t.alpha * t.alpha);
-    sum.cost += static_cast<double>((a2 * wi * ri + wd * rd).sum()) + lost * rho_lost;
-    sum.weight += static_cast<double>((a2 * wi + wd).sum()) + lost;
-  }
-  sum.cost *= t.weight;
-  sum.weight *= t.weight;
-  return sum;
-}
-
-/// Normal equations of the pixels [begin, end).
-template <class Kernel>
-NormalEquations sum_normal_equations(const WarpedPixels& p, const Kernel& kernel, const TermScales& t, int begin, int end) {
-  using detail::block;
-  using detail::Block;
-  const auto ii = static_cast<float>(1.0 / t.scale_intensity);
-  const auto id = static_cast<float>(1.0 / t.scale_depth);
-  const auto fi = static_cast<float>(t.alpha * t.alpha / (t.scale_intensity * t.scale_intensity));
-  const auto fd = static_cast<float>(1.0 / (t.scale_depth * t.scale_depth));
-  double h[21] = {};
-  double g[6] = {};
-  Block w, qi, qd;
-  Block ji[6], jd[6];
-  for (int at = begin; at < end; at += kPixelBlock) {
-    const Block si = block(p.si, at);
-    const Block sd = block(p.sd, at);
-    detail::block_weights(kernel, Block((si * ii).square()), w);
-    qi = w * block(p.wi, at) * fi;
-    detail::block_weights(kernel, Block((sd * id).square()), w);
-    qd = w * block(p.wd, at) * fd;
-    const auto y0 = block(p.y0, at);
-    const auto y1 = block(p.y1, at);
-    const auto y2 = block(p.y2, at);
-    ji[0] = block(p.ai0, at);
-    ji[1] = block(p.ai1, at);
-    ji[2] = block(p.ai2, at);
-    ji[3] = y1 * ji[2] - y2 * ji[1];
-    ji[4] = y2 * ji[0] - y0 * ji[2];
-    ji[5] = y0 * ji[1] - y1 * ji[0];
-    jd[0] = block(p.ad0, at);
-    jd[1] = block(p.ad1, at);
-    jd[2] = block(p.ad2, at);
-    jd[3] = y1 * jd[2] - y2 * jd[1];
-    jd[4] = y2 * jd[0] - y0 * jd[2];
-    jd[5] = y0 * jd[1] - y1 * jd[0];
-    int n = 0;
-    for (int r = 0; r < 6; ++r) {
-      const Block a = qi * ji[r];
-      const Block d = qd * jd[r];
-      for (int c = r; c < 6; ++c) h[n++] += static_cast<double>((a * ji[c] + d * jd[c]).sum());
-      g[r] += static_cast<double>((a * si + d * sd).sum());
+  [[nodiscard]] NormalEquations equations() const {
+    NormalEquations n;
+    int k = 0;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = i; j < 3; ++j, ++k) {
+        n.H(i, j) = n.H(j, i) = static_cast<double>(vv[k]);
+        n.H(3 + i, 3 + j) = n.H(3 + j, 3 + i) = static_cast<double>(ww[k]);
+      }
+      for (int j = 0; j < 3; ++j) n.H(3 + i, j) = n.H(j, 3 + i) = static_cast<double>(wv[3 * i + j]);
+      n.b(i) = -static_cast<double>(v[i]);
+      n.b(3 + i) = -static_cast<double>(w[i]);
     }
+    return n;
   }
+};
+using TileSums = PixelSums<float>;
+static_assert(sizeof(TileSums) == TileSums::kSize * sizeof(float), "TileSums is read as an array");
+
+/// sum += factor * tile.
+inline void add(PixelSums<double>& sum, const TileSums& tile, float factor) {
+  float from[TileSums::kSize];
+  double to[TileSums::kSize];
+  std::memcpy(from, &tile, sizeof from);
+  std::memcpy(to, &sum, sizeof to);
+  for (int i = 0; i < TileSums::kSize; ++i) to[i] += static_cast<double>(factor * from[i]);
+  std::memcpy(&sum, to, sizeof to);
+}
+
+/// The same equations for an increment from the left, in the frame T maps into: T <- Exp(e) T with e = Ad(T) d.
+[[nodiscard]] inline NormalEquations moved_to_left(const NormalEquations& n, const Pose& T) {
+  const Eigen::Matrix3d R = T.linear();
+  // Ad(T)^-1 = [R^T, -R^T [t]x; 0, R^T]
+  Matrix6 A = Matrix6::Zero();
+  A.topLeftCorner<3, 3>() = A.bottomRightCorner<3, 3>() = R.transpose();
+  A.topRightCorner<3, 3>() = -R.transpose() * skew(T.translation());
   NormalEquations out;
-  int n = 0;
-  for (int r = 0; r < 6; ++r) {
-    for (int c = r; c < 6; ++c, ++n) out.H(r, c) = out.H(c, r) = t.weight * h[n];
-    out.b(r) = -t.weight * g[r];
-  }
+  out.H = A.transpose() * n.H * A;
+  out.b = A.transpose() * n.b;
   return out;
 }
+
+/// One pass over tiles of a list. Each thread has its own.
+class TileSummer {
+ public:
+  TileSummer(const Warper& warper, const RobustKernel& kernel, const TermScales& scales)
+      : warper_(warper),
+        kernel_(kernel),
+        cauchy_(kernel.kind == KernelKind::Cauchy),
+        factor_intensity_(static_cast<float>(scales.alpha * scales.alpha / (scales.scale_intensity * scales.scale_intensity))),
+        factor_depth_(static_cast<float>(1.0 / (scales.scale_depth * scales.scale_depth))),
+        alpha2_(static_cast<float>(scales.alpha * scales.alpha)),
+        charge_(static_cast<float>((1.0 + scales.alpha * scales.alpha) * kernel.rho(3.0))),
+        scale_intensity_(static_cast<float>(1.0 / (scales.scale_intensity * scales.scale_intensity))),
+        half_k2_(static_cast<float>(0.5 * kernel.constant() * kernel.constant())),
+        inverse_k2_(static_cast<float>(1.0 / (kernel.constant() * kernel.constant()))) {}
+
+  /// A pixel without residual is charged rho(3) for both kinds, so that the cost cannot be lowered by pushing pixels out
+  /// of the image; a missing depth residual is neither charged nor counted.
+  void operator()(const PixelList& list, const PixelList::Tile& tile, TileSums& out) {
+    Sums s;
+    for (int b = tile.begin; b < tile.end;) {
+      const int end = std::min(tile.end, b + kChunk);
+      first(list, b, end, s);
+      second(list, b, end, s);
+      b = end;
+    }
+    for (int i = 0; i < 6; ++i) out.vv[i] = s.vv[i].sum();
+    for (int i = 0; i < 9; ++i) out.wv[i] = s.wv[i].sum();
+    for (int i = 0; i < 6; ++i) out.ww[i] = s.ww[i].sum();
+    for (int i = 0; i < 3; ++i) out.v[i] = s.v[i].sum();
+    for (int i = 0; i < 3; ++i) out.w[i] = s.w[i].sum();
+    out.cost = s.cost.sum();
+    out.weight = s.weight.sum();
+    counted_.selected += tile.count;
+  }
+
+  /// What became of the pixels of all tiles so far.
+  [[nodiscard]] WarpCounts counts() const {
+    const auto total = [](const IntLanes& n) {
+      int sum = 0;
+      for (int i = 0; i < kLanes; ++i) sum -= n[i];  // masks are -1
+      return sum;
+    };
+    WarpCounts c = counted_;
+    c.valid = total(valid_);
+    c.valid_depth = total(valid_depth_);
+    c.out_of_view = total(out_of_view_);
+    c.occluded = total(occluded_);
+    c.disoccluded = total(disoccluded_);
+    c.masked = total(masked_);
+    return c;
+  }
+
+ private:
+  static constexpr int kChunk = 8;  // blocks whose M and f are kept between the two halves of the work
+  struct Sums {
+    Lanes vv[6], wv[9], ww[6], v[3], w[3], cost, weight;
+    Sums() {
+      for (Lanes& l : vv) l = 0.0F;
+      for (Lanes& l : wv) l = 0.0F;
+      for (Lanes& l : ww) l = 0.0F;
+      for (Lanes& l : v) l = 0.0F;
+      for (Lanes& l : w) l = 0.0F;
+      cost = weight = 0.0F;
+    }
+  };
+
+  // Warp, weights, cost, M and f. The work is in two loops because all its sums do not fit into the registers.
+  APSO_INLINE void first(const PixelList& list, int begin, int end, Sums& s) {
+    float* m = buffer_;
+    for (int b = begin; b < end; ++b) {
+      const float* block = list.block(b);
+      for (int at = 0; at < PixelList::kBlock; at += kLanes, m += 9 * kLanes) {
+        WarpedLanes o;
+        warper_.warp(block, at, o);
+        const Lanes i2 = o.residual_intensity * o.residual_intensity * o.inverse_intensity * scale_intensity_;
+        const Lanes d2 = o.residual_depth * o.residual_depth * o.inverse_depth * factor_depth_;
+        Lanes wi, wd, ri, rd;
+        if (cauchy_) {
+          const Lanes ti = 1.0F + i2 * inverse_k2_;
+          const Lanes td = 1.0F + d2 * inverse_k2_;
+          wi = 1.0F / ti;
+          wd = 1.0F / td;
+          ri = half_k2_ * log(ti);
+          rd = half_k2_ * log(td);
+        } else {
+          any_kernel(i2, wi, ri);
+          any_kernel(d2, wd, rd);
+        }
+        const Lanes photometric = alpha2_ * o.weight_intensity;
+        s.cost += photometric * ri + o.weight_depth * rd + o.lost * charge_;
+        s.weight += photometric + o.weight_depth + (o.lost + alpha2_ * o.lost);
+        valid_ = valid_ + o.valid;
+        valid_depth_ = valid_depth_ + o.valid_depth;
+        out_of_view_ = out_of_view_ + o.out_of_view;
+        occluded_ = occluded_ + o.occluded;
+        disoccluded_ = disoccluded_ + o.disoccluded;
+        masked_ = masked_ + o.masked;
+        const Lanes qi = o.weight_intensity * wi * o.inverse_intensity * factor_intensity_;
+        const Lanes qd = o.weight_depth * wd * o.inverse_depth * factor_depth_;
+        const Lanes pi0 = qi * o.I[0], pi1 = qi * o.I[1], pi2 = qi * o.I[2];
+        const Lanes pd0 = qd * o.D[0], pd1 = qd * o.D[1], pd2 = qd * o.D[2];
+        (pi0 * o.I[0] + pd0 * o.D[0]).store(m);
+        (pi0 * o.I[1] + pd0 * o.D[1]).store(m + kLanes);
+        (pi0 * o.I[2] + pd0 * o.D[2]).store(m + 2 * kLanes);
+        (pi1 * o.I[1] + pd1 * o.D[1]).store(m + 3 * kLanes);
+        (pi1 * o.I[2] + pd1 * o.D[2]).store(m + 4 * kLanes);
+        (pi2 * o.I[2] + pd2 * o.D[2]).store(m + 5 * kLanes);
+        (pi0 * o.residual_intensity + pd0 * o.residual_depth).store(m + 6 * kLanes);
+        (pi1 * o.residual_intensity + pd1 * o.residual_depth).store(m + 7 * kLanes);
+        (pi2 * o.residual_intensity + pd2 * o.residual_depth).store(m + 8 * kLanes);
+      }
+    }
+  }
+
+  // sum M, sum f, sum X x M, sum X x M x X, sum X x f.
+  APSO_INLINE void second(const PixelList& list, int begin, int end, Sums& s) {
+    rows<0>(list, begin, end, s);
+    rows<1>(list, begin, end, s);
+    rows<2>(list, begin, end, s);
+  }
+
+  // Row i of [X]x M is r_j = X_a M_bj - X_b M_aj with (a, b) the two axes after i; row i of [X]x M [X]x^T is X x r.
+  template <int i>
+  APSO_INLINE void rows(const PixelList& list, int begin, int end, Sums& s) const {
+    constexpr int a = (i + 1) % 3;
+    constexpr int b = (i + 2) % 3;
+    constexpr int index[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+    Lanes wv0 = s.wv[3 * i], wv1 = s.wv[3 * i + 1], wv2 = s.wv[3 * i + 2], v = s.v[i], w = s.w[i];
+    Lanes M0 = s.vv[index[i][0]], M1 = s.vv[index[i][1]], M2 = s.vv[index[i][2]];  // the first i are sums of row < i
+    Lanes W0 = s.ww[index[i][0]], W1 = s.ww[index[i][1]], W2 = s.ww[index[i][2]];
+    const float* m = buffer_;
+    for (int k = begin; k < end; ++k) {
+      const float* block = list.block(k);
+      for (int at = 0; at < PixelList::kBlock; at += kLanes, m += 9 * kLanes) {
+        const auto in = [&](int n) { return Lanes::load(m + n * kLanes); };
+        const Lanes X0 = Lanes::load(block + PixelList::kX * PixelList::kBlock + at);
+        const Lanes X1 = Lanes::load(block + PixelList::kY * PixelList::kBlock + at);
+        const Lanes X2 = Lanes::load(block + PixelList::kZ * PixelList::kBlock + at);
+        const Lanes& Xa = a == 0 ? X0 : (a == 1 ? X1 : X2);
+        const Lanes& Xb = b == 0 ? X0 : (b == 1 ? X1 : X2);
+        const Lanes r0 = Xa * in(index[b][0]) - Xb * in(index[a][0]);
+        const Lanes r1 = Xa * in(index[b][1]) - Xb * in(index[a][1]);
+        const Lanes r2 = Xa * in(index[b][2]) - Xb * in(index[a][2]);
+        wv0 += r0;
+        wv1 += r1;
+        wv2 += r2;
+        if constexpr (i <= 0) {
+          M0 += in(0);
+          W0 += X1 * r2 - X2 * r1;
+        }
+        if constexpr (i <= 1) {
+          M1 += in(index[i][1]);
+          W1 += X2 * r0 - X0 * r2;
+        }
+        M2 += in(index[i][2]);
+        W2 += X0 * r1 - X1 * r0;
+        v += in(6 + i);
+        w += Xa * in(6 + b) - Xb * in(6 + a);
+      }
+    }
+    if constexpr (i <= 0) {
+      s.vv[0] = M0;
+      s.ww[0] = W0;
+    }
+    if constexpr (i <= 1) {
+      s.vv[index[i][1]] = M1;
+      s.ww[index[i][1]] = W1;
+    }
+    s.vv[index[i][2]] = M2;
+    s.ww[index[i][2]] = W2;
+    s.wv[3 * i] = wv0;
+    s.wv[3 * i + 1] = wv1;
+    s.wv[3 * i + 2] = wv2;
+    s.v[i] = v;
+    s.w[i] = w;
+  }
+
+  // Weight and cost of the other kernels, one by one.
+  void any_kernel(const Lanes& s2, Lanes& w, Lanes& rho) const {
+    kernel_.template visit<float>([&](const auto& k) {
+      for (int i = 0; i < kLanes; ++i) {
+        w.v[i] = k.weight(s2[i]);
+        rho.v[i] = k.rho(s2[i]);
+      }
+    });
+  }
+
+  Warper warper_;
+  RobustKernel kernel_;
+  bool cauchy_;
+  Lanes factor_intensity_, factor_depth_, alpha2_, charge_, scale_intensity_, half_k2_, inverse_k2_;
+  WarpCounts counted_;
+  IntLanes valid_{}, valid_depth_{}, out_of_view_{}, occluded_{}, disoccluded_{}, masked_{};  // minus the numbers
+  float buffer_[9 * PixelList::kBlock * kChunk];
+};
 
 APSO_NAMESPACE_END

@@ -2,23 +2,24 @@
 /// Warping the pixels of a reference into the current frame: residuals, occlusion gate and derivatives, the paper's
 /// eqs. (Intensity residual) and (Depth residual):
 ///
-///     X = Z_k(p) K^-1 (p,1),  Y = T_current_reference X,  u = pi(Y),  r_I = I_c(u) - I_k(p),  r_D = Z_c(u) - Y_z
+///     X = Z_k(p) K^-1 (p,1),  Y = T_current_reference X,  u = pi(Y),  r_I = I_c(u) - (g I_k(p) + o),  r_D = Z_c(u) - Y_z
 ///
-/// With an increment d = (v, w) multiplied from the left, dr/dd = (a, Y x a) where a = J_pi^T grad I for the
-/// intensity and a = J_pi^T grad Z - e_z for the depth, so a residual needs only Y and a.
+/// The derivative is taken for an increment d = (v, w) in the frame of the reference, T <- T Exp(d). There it is
+/// (a, X x a) with a = J_pi(X)^T grad I for the intensity and a = J_pi(X)^T grad Z - e_z for the depth: both belong to the
+/// reference alone, because aligned images have the same gradients, so they are computed once per frame. With `esm` the
+/// gradient of the current image is computed as well and the mean of both is taken (Malis, ICRA 2004).
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
-
-#include <Eigen/Core>
 
 #include <apso/config.hpp>
-#include <apso/math/sampling.hpp>
+#include <apso/math/lanes.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/refinement/noise_model.hpp>
+#include <apso/refinement/pixel_list.hpp>
 #include <apso/refinement/pyramid.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -30,7 +31,7 @@ struct WarpOptions {
   float gate_growth = 5.0F;      ///< factor of the gate per coarser level
   bool gate_on = true;           ///< the gate drops what moved into or out of the way
   float depth_spread = 0.05F;    ///< largest relative difference of four depths that are interpolated
-  bool esm = false;              ///< average the gradients of both images (larger basin, Malis 2004)
+  bool esm = false;              ///< mean of the gradients of both images
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("z_near", s.z_near, 0.0F, 100.0F);
@@ -46,7 +47,8 @@ struct WarpOptions {
 /// What became of the warped pixels.
 struct WarpCounts {
   int selected = 0;      ///< pixels of the reference
-  int valid = 0;         ///< gave a residual with a weight above 0
+  int valid = 0;         ///< gave a photometric residual with a weight above 0
+  int valid_depth = 0;   ///< of these, gave a depth residual as well
   int out_of_view = 0;   ///< left the image or came too near
   int occluded = 0;      ///< something stands in front
   int disoccluded = 0;   ///< the surface is gone, something farther is seen
@@ -54,6 +56,7 @@ struct WarpCounts {
   WarpCounts& operator+=(const WarpCounts& o) {
     selected += o.selected;
     valid += o.valid;
+    valid_depth += o.valid_depth;
     out_of_view += o.out_of_view;
     occluded += o.occluded;
     disoccluded += o.disoccluded;
@@ -62,159 +65,161 @@ struct WarpCounts {
   }
 };
 
-/// Warped pixels, one array per quantity, of the padded length of the pixel list.
-struct WarpedPixels {
-  std::vector<float> y0, y1, y2;     ///< warped point Y in the current camera [m]
-  std::vector<float> ai0, ai1, ai2;  ///< a of the intensity, in standard deviations per metre
-  std::vector<float> ad0, ad1, ad2;  ///< a of the depth, in standard deviations per metre
-  std::vector<float> si, sd;         ///< residuals in standard deviations of the noise model
-  std::vector<float> wi, wd;         ///< gamma of a valid residual, else 0
-  std::vector<float> lost;           ///< gamma of a pixel that gave no residual, else 0
-
-  void resize(std::size_t n) {
-    for (auto* v : {&y0, &y1, &y2, &ai0, &ai1, &ai2, &ad0, &ad1, &ad2, &si, &sd, &wi, &wd, &lost}) v->resize(n);
-  }
+/// Brightness of the current frame against the reference: I_c = gain I_k + offset.
+struct Illumination {
+  float gain = 1;
+  float offset = 0;
 };
 
-namespace detail {
-using Block = Eigen::Array<float, kPixelBlock, 1>;
-using BlockIn = Eigen::Map<const Block>;
-using BlockOut = Eigen::Map<Block>;
-inline BlockIn block(const std::vector<float>& v, int at) { return BlockIn(v.data() + at); }
-inline BlockOut block(std::vector<float>& v, int at) { return BlockOut(v.data() + at); }
-}  // namespace detail
+/// What happened to kLanes pixels.
+struct WarpedLanes {
+  Lanes residual_intensity;  ///< r_I [0,1]
+  Lanes residual_depth;      ///< r_D [m]
+  Lanes inverse_intensity;   ///< 1 / variance of r_I by the noise model
+  Lanes inverse_depth;       ///< 1 / variance of r_D [1/m^2]
+  Lanes weight_intensity;    ///< gamma of a valid residual, else 0
+  Lanes weight_depth;        ///< gamma of a valid residual, else 0
+  Lanes lost;                ///< gamma of a pixel that gave no residual, else 0
+  Lanes I[3], D[3];          ///< the a of both rows of the Jacobian
+  Lanes X[3];                ///< point in the reference
+  Lanes current;             ///< I_c(u)
+  Mask selected, valid, valid_depth, out_of_view, occluded, disoccluded, masked;
+};
 
-/// Warps the pixels [begin, end) of a reference (multiples of kPixelBlock) into `current`.
-/// \param gate_factor factor of the occlusion gate at this level, gate_growth^(levels above the finest)
-/// \param out of the length of the padded list; only [begin, end) is written
-inline WarpCounts warp_pixels(const PixelList& reference, const PyramidLevel& current, const Pose& T_current_reference,
-                              const WarpOptions& options, const NoiseOptions& noise, float gate_factor, int begin,
-                              int end, WarpedPixels& out) {
-  using detail::block;
-  using detail::Block;
-  using Four = Eigen::Array<float, 4, 1>;
-  constexpr int C = PyramidLevel::kChannels;
-  const Eigen::Matrix3f R = T_current_reference.linear().cast<float>();
-  const Eigen::Vector3f t = T_current_reference.translation().cast<float>();
-  const Pinhole& cam = current.camera;
-  const auto fx = static_cast<float>(cam.fx);
-  const auto fy = static_cast<float>(cam.fy);
-  const auto cx = static_cast<float>(cam.cx);
-  const auto cy = static_cast<float>(cam.cy);
-  const int w = current.intensity.width();
-  const int h = current.intensity.height();
-  const auto u_max = static_cast<float>(w - 2);
-  const auto v_max = static_cast<float>(h - 2);
-  const float* texture = current.texture.data();
-  const float gate = options.gate * gate_factor;
-  const float gate_relative = options.gate_relative * gate_factor;
-  const bool sensor = noise.form == NoiseForm::Sensor;
-  const float s2_intensity = 2 * noise.sigma_intensity * noise.sigma_intensity;
-  const float s2_pixel = noise.sigma_pixel * noise.sigma_pixel;
-  WarpCounts counts;
-
-  for (int at = begin; at < end; at += kPixelBlock) {
-    const auto X0 = block(reference.x, at);
-    const auto X1 = block(reference.y, at);
-    const auto X2 = block(reference.z, at);
-    const Block Y0 = R(0, 0) * X0 + R(0, 1) * X1 + R(0, 2) * X2 + t.x();
-    const Block Y1 = R(1, 0) * X0 + R(1, 1) * X1 + R(1, 2) * X2 + t.y();
-    const Block Y2 = R(2, 0) * X0 + R(2, 1) * X1 + R(2, 2) * X2 + t.z();
-    const Block iz = (Y2 > options.z_near).select(Y2, 1.0F).inverse();
-    const Block u = fx * Y0 * iz + cx;
-    const Block v = fy * Y1 * iz + cy;
-    Block I, gx, gy, Z, zx, zy, wi, wd, lost;
-    for (int j = 0; j < kPixelBlock; ++j) {
-      I[j] = gx[j] = gy[j] = zx[j] = zy[j] = wi[j] = wd[j] = lost[j] = 0;
-      Z[j] = Y2[j];
-      const float gamma = reference.gamma[static_cast<std::size_t>(at + j)];
-      if (!(gamma > 0)) continue;  // padding
-      ++counts.selected;
-      // written so that NaN is out of view
-      if (!(Y2[j] > options.z_near && u[j] >= 1.0F && v[j] >= 1.0F && u[j] <= u_max && v[j] <= v_max)) {
-        ++counts.out_of_view;
-        lost[j] = gamma;
-        continue;
-      }
-      const int x = std::min(static_cast<int>(u[j]), w - 2);
-      const int y = std::min(static_cast<int>(v[j]), h - 2);
-      const float a = u[j] - static_cast<float>(x);
-      const float b = v[j] - static_cast<float>(y);
-      const float* p = texture + (static_cast<std::ptrdiff_t>(y) * w + x) * C;
-      const float* q = p + static_cast<std::ptrdiff_t>(w) * C;
-      const Eigen::Map<const Four> p0(p), p1(p + C), q0(q), q1(q + C);
-      const Four upper = p0 + a * (p1 - p0);
-      const Four lower = q0 + a * (q1 - q0);
-      const Four s = upper + b * (lower - upper);
-      const float weight = gamma * s[3];
-      if (!(weight > 0)) {
-        ++counts.masked;
-        continue;
-      }
-      const float near_z = (b < 0.5F ? p : q)[(a < 0.5F ? 0 : C) + 4];
-      if (options.gate_on && near_z > 0) {
-        const float r = near_z - Y2[j];
-        const float tau = std::max(gate, gate_relative * Y2[j]);
-        if (std::abs(r) > tau) {
-          ++(r < 0 ? counts.occluded : counts.disoccluded);
-          lost[j] = weight;
-          continue;
-        }
-      }
-      ++counts.valid;
-      I[j] = s[0];
-      gx[j] = s[1];
-      gy[j] = s[2];
-      wi[j] = weight;
-      if (one_surface(p[4], p[C + 4], q[4], q[C + 4], options.depth_spread)) {
-        const Eigen::Map<const Four> p2(p + 4), p3(p + C + 4), q2(q + 4), q3(q + C + 4);
-        const Four above = p2 + a * (p3 - p2);
-        const Four below = q2 + a * (q3 - q2);
-        const Four d = above + b * (below - above);
-        Z[j] = d[0];
-        zx[j] = d[1];
-        zy[j] = d[2];
-        wd[j] = weight;
-      }
+/// Warps pixels of one reference level into one current level.
+class Warper {
+ public:
+  /// \param gate_factor factor of the occlusion gate at this level, gate_growth^(levels above the finest)
+  /// \param background weight of the pixels of `current` when it has no plane of weights
+  Warper(const PyramidLevel& current, const Pose& T_current_reference, const Illumination& light, const WarpOptions& options,
+         const NoiseOptions& noise, float gate_factor, float background)
+      : texture_(current.texture.data()),
+        gamma_(current.gamma.empty() ? nullptr : &current.gamma),
+        width_(current.intensity.width()),
+        fx_(static_cast<float>(current.camera.fx)),
+        fy_(static_cast<float>(current.camera.fy)),
+        cx_(static_cast<float>(current.camera.cx)),
+        cy_(static_cast<float>(current.camera.cy)),
+        u_max_(static_cast<float>(current.intensity.width() - 2)),
+        v_max_(static_cast<float>(current.intensity.height() - 2)),
+        row_(static_cast<float>(2 * current.intensity.width())),
+        z_near_(options.z_near),
+        gate_(options.gate_on ? options.gate * gate_factor : 1e30F),
+        gate_relative_(options.gate_on ? options.gate_relative * gate_factor : 0.0F),
+        spread_(options.depth_spread),
+        background_(background),
+        s2_intensity_(2 * noise.sigma_intensity * noise.sigma_intensity),
+        s2_pixel_(noise.sigma_pixel * noise.sigma_pixel),
+        gain_(light.gain),
+        offset_(light.offset),
+        esm_(options.esm),
+        static_fusion_(noise.form == NoiseForm::StaticFusion) {
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) R_[i][j] = static_cast<float>(T_current_reference.linear()(i, j));
+      t_[i] = static_cast<float>(T_current_reference.translation()(i));
     }
-    const Block rI = (wi > 0.0F).select(I - block(reference.intensity, at), 0.0F);
-    const Block rD = Z - Y2;
-    Block iI, iD;  // one over the standard deviation
-    if (sensor) {
-      iI = (s2_intensity + s2_pixel * (gx * gx + gy * gy)).sqrt().inverse();
-      const Block sz = (1.425e-3F * Z * Z).max(1e-3F);
-      const Block sy = (1.425e-3F * Y2 * Y2).max(1e-3F);
-      iD = (sz * sz + sy * sy + s2_pixel * (zx * zx + zy * zy)).sqrt().inverse();
-    } else {
-      for (int j = 0; j < kPixelBlock; ++j) {
-        iI[j] = static_fusion_weight_intensity(rI[j], gx[j], gy[j]);
-        iD[j] = static_fusion_weight_depth(rD[j], zx[j], zy[j]);
-      }
-    }
-    if (options.esm) {
-      gx = (wi > 0.0F).select(0.5F * (gx + block(reference.dx, at)), 0.0F);
-      gy = (wi > 0.0F).select(0.5F * (gy + block(reference.dy, at)), 0.0F);
-    }
-    const Block a0 = gx * iI * (fx * iz);
-    const Block a1 = gy * iI * (fy * iz);
-    block(out.ai0, at) = a0;
-    block(out.ai1, at) = a1;
-    block(out.ai2, at) = -(a0 * Y0 + a1 * Y1) * iz;
-    const Block d0 = zx * iD * (fx * iz);
-    const Block d1 = zy * iD * (fy * iz);
-    block(out.ad0, at) = d0;
-    block(out.ad1, at) = d1;
-    block(out.ad2, at) = -(d0 * Y0 + d1 * Y1) * iz - iD;
-    block(out.si, at) = rI * iI;
-    block(out.sd, at) = (wd > 0.0F).select(rD * iD, 0.0F);
-    block(out.y0, at) = Y0;
-    block(out.y1, at) = Y1;
-    block(out.y2, at) = Y2;
-    block(out.wi, at) = wi;
-    block(out.wd, at) = wd;
-    block(out.lost, at) = lost;
   }
-  return counts;
-}
+
+  /// \param block of a PixelList; `at` < kBlock, a multiple of kLanes
+  APSO_INLINE void warp(const float* block, int at, WarpedLanes& o) const {
+    using P = PixelList;
+    const auto field = [&](P::Field f) { return Lanes::load(block + f * P::kBlock + at); };
+    const Lanes zero = 0.0F;
+    o.X[0] = field(P::kX);
+    o.X[1] = field(P::kY);
+    o.X[2] = field(P::kZ);
+    const Lanes gamma = field(P::kGamma);
+    const Lanes Y0 = R_[0][0] * o.X[0] + R_[0][1] * o.X[1] + R_[0][2] * o.X[2] + t_[0];
+    const Lanes Y1 = R_[1][0] * o.X[0] + R_[1][1] * o.X[1] + R_[1][2] * o.X[2] + t_[1];
+    const Lanes Y2 = R_[2][0] * o.X[0] + R_[2][1] * o.X[1] + R_[2][2] * o.X[2] + t_[2];
+    o.selected = gamma > zero;
+    const Mask ahead = Y2 > z_near_;
+    const Lanes iz = 1.0F / select(ahead, Y2, 1.0F);
+    Lanes u = fx_ * (Y0 * iz) + cx_;
+    Lanes v = fy_ * (Y1 * iz) + cy_;
+    // written so that NaN is out of view
+    const Mask inside = o.selected & ahead & (u >= Lanes(1.0F)) & (v >= Lanes(1.0F)) & (u <= u_max_) & (v <= v_max_);
+    u = select(inside, u, 1.0F);
+    v = select(inside, v, 1.0F);
+    const Lanes x = to_float(to_int(u));
+    const Lanes y = to_float(to_int(v));
+    const Lanes a = u - x;
+    const Lanes b = v - y;
+    const IntLanes offset = to_int(y * row_ + (x + x));  // exact: an image has less than 2^23 pixels
+    const Quad p = load_quads(texture_, offset);               // I Z I Z of the upper two pixels
+    const Quad q = load_quads(texture_ + 2 * width_, offset);  // and of the lower two
+    const Lanes top = p.c[2] - p.c[0];
+    const Lanes bottom = q.c[2] - q.c[0];
+    const Lanes upper = p.c[0] + a * top;
+    const Lanes lower = q.c[0] + a * bottom;
+    o.current = upper + b * (lower - upper);
+    const Lanes upper_z = p.c[1] + a * (p.c[3] - p.c[1]);
+    const Lanes lower_z = q.c[1] + a * (q.c[3] - q.c[1]);
+    const Lanes Z = upper_z + b * (lower_z - upper_z);
+    const Lanes least = min(min(p.c[1], p.c[3]), min(q.c[1], q.c[3]));
+    const Lanes most = max(max(p.c[1], p.c[3]), max(q.c[1], q.c[3]));
+    const Mask left = a < Lanes(0.5F);
+    const Lanes nearest = select(b < Lanes(0.5F), select(left, p.c[1], p.c[3]), select(left, q.c[1], q.c[3]));
+
+    Lanes weight = gamma * background_;
+    if (gamma_ != nullptr) {
+      for (int i = 0; i < kLanes; ++i) {
+        weight.v[i] = gamma[i] * gamma_->row(static_cast<int>(y[i] + b[i] + 0.5F))[static_cast<int>(x[i] + a[i] + 0.5F)];
+      }
+    }
+    const Mask weighted = inside & (weight > zero);
+    const Lanes gap = nearest - Y2;
+    const Lanes gate = max(gate_, gate_relative_ * Y2);
+    const Mask gated = weighted & (nearest > zero) & (abs(gap) > gate);
+    o.out_of_view = o.selected & !inside;
+    o.masked = inside & !weighted;
+    o.occluded = gated & (gap < zero);
+    o.disoccluded = gated & !(gap < zero);
+    o.valid = weighted & !gated;
+    o.weight_intensity = select(o.valid, weight, 0.0F);
+    const Lanes gz2 = field(P::kDepthGradient2);
+    o.valid_depth = o.valid & (least > zero) & (most - least <= spread_ * least) & (gz2 >= zero);
+    o.weight_depth = select(o.valid_depth, weight, 0.0F);
+    o.lost = select(o.out_of_view, gamma, select(gated, weight, 0.0F));
+    o.residual_intensity = select(o.valid, o.current - (gain_ * field(P::kIntensity) + offset_), 0.0F);
+    o.residual_depth = select(o.valid_depth, Z - Y2, 0.0F);
+    o.I[0] = field(P::kI0);
+    o.I[1] = field(P::kI1);
+    o.I[2] = field(P::kI2);
+    o.D[0] = field(P::kD0);
+    o.D[1] = field(P::kD1);
+    o.D[2] = field(P::kD2);
+    if (!static_fusion_) {
+      o.inverse_intensity = 1.0F / (s2_intensity_ + s2_pixel_ * field(P::kGradient2));
+      const Lanes sz = max(1.425e-3F * Z * Z, 1e-3F);
+      const Lanes sy = max(1.425e-3F * Y2 * Y2, 1e-3F);
+      o.inverse_depth = 1.0F / (sz * sz + sy * sy + s2_pixel_ * max(gz2, 0.0F));
+    } else {
+      // the gradients again from the rows of the Jacobian: a_0 = f_x/Z g_x, a_1 = f_y/Z g_y
+      const Lanes fx = o.X[2] / fx_;
+      const Lanes fy = o.X[2] / fy_;
+      o.inverse_intensity =
+          1.0F / (1.0F + 10.0F * (abs(o.residual_intensity) + abs(o.I[0] * fx) + abs(o.I[1] * fy)));
+      o.inverse_depth = 0.01F / (0.01F + 200.0F * (abs(o.residual_depth) + abs(o.D[0] * fx) + abs(o.D[1] * fy)));
+    }
+    if (esm_) {
+      const Lanes c0 = (top + b * (bottom - top)) * (fx_ * iz);
+      const Lanes c1 = (lower - upper) * (fy_ * iz);
+      const Lanes c2 = Lanes(0.0F) - (c0 * Y0 + c1 * Y1) * iz;
+      for (int i = 0; i < 3; ++i) {
+        o.I[i] = 0.5F * (o.I[i] + select(o.valid, R_[0][i] * c0 + R_[1][i] * c1 + R_[2][i] * c2, o.I[i]));
+      }
+    }
+  }
+
+ private:
+  const float* texture_;
+  const Plane* gamma_;
+  int width_;
+  Lanes R_[3][3], t_[3];
+  Lanes fx_, fy_, cx_, cy_, u_max_, v_max_, row_, z_near_, gate_, gate_relative_, spread_, background_, s2_intensity_,
+      s2_pixel_, gain_, offset_;
+  bool esm_, static_fusion_;
+};
 
 APSO_NAMESPACE_END

@@ -1,0 +1,365 @@
+// Direct alignment beside its peers: on the same pairs, in one run, one thread. First how well each does, then what it
+// costs. compare_peers.sh builds and calls it.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include <apso/evaluation/trajectory.hpp>
+#include <apso/io/tum_text.hpp>
+#include <apso/opencv/rgbd_sequence.hpp>
+#include <apso/refinement/align.hpp>
+
+#include "alignment_method.hpp"
+
+namespace {
+using pairs::Conditions;
+using pairs::kDegree;
+using pairs::Pair;
+
+class Apso : public Method {
+ public:
+  Apso(std::string name, std::string key, apso::PyramidOptions pyramid, apso::AlignmentOptions alignment, bool mask = false)
+      : name_(std::move(name)), key_(std::move(key)), pyramid_(pyramid), mask_(mask), aligner_(alignment) {}
+  std::string name() const override { return name_; }
+  std::string key() const override { return key_; }
+  void camera(const apso::Pinhole& c) override { camera_ = c; }
+  void prepare_reference(const pairs::Image8& f) override { build(f, reference_, apso::PyramidRole::Reference); }
+  void prepare_current(const pairs::Image8& f) override { build(f, current_, apso::PyramidRole::Current); }
+  Outcome solve(const apso::Pose& guess) override {
+    references_.assign(1, {&reference_, apso::Pose::Identity(), 1.0});
+    candidates_.assign(1, apso::inverse(guess));
+    last = aligner_.align(references_, current_, candidates_);
+    confidence = apso::direct_confidence(last, 0.65, 1.1);
+    return {apso::succeeded(last.status) && confidence > 0.5, apso::inverse(last.T_world_camera)};
+  }
+  apso::AlignmentResult last;
+  double confidence = 0;
+
+ private:
+  void build(const pairs::Image8& f, apso::FramePyramid& p, apso::PyramidRole role) {
+    p.build({0.0, f.intensity, f.depth}, camera_, mask_ ? f.probability.view() : apso::ImageView<const float>{}, pyramid_, role);
+  }
+  std::string name_, key_;
+  apso::PyramidOptions pyramid_;
+  bool mask_;
+  apso::Pinhole camera_;
+  apso::DirectAligner aligner_;
+  apso::FramePyramid reference_, current_;
+  std::vector<apso::AlignmentReference> references_;
+  std::vector<apso::Pose> candidates_;
+};
+
+struct Score {
+  int pairs = 0, right = 0, wrong_good = 0, right_good = 0;
+  std::vector<double> mm, degrees, all_mm, all_degrees;
+  std::map<double, std::pair<int, int>> by_step;  // right, all
+};
+double median(std::vector<double> v) {
+  if (v.empty()) return NAN;
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+  return v[v.size() / 2];
+}
+struct Limits {
+  double mm = 10, degrees = 0.5;  // right = below both
+};
+
+bool verbose = false;
+
+void score(Method& m, const Pair& p, Score& s, const Limits& limits = {}) {
+  m.prepare_reference(p.reference);
+  m.prepare_current(p.current);
+  const Outcome o = m.solve(apso::Pose::Identity());
+  const apso::Pose error = apso::inverse(o.T_current_reference) * p.T_current_reference;
+  const double mm = 1e3 * error.translation().norm();
+  const double degrees = apso::rotation_angle(error) / kDegree;
+  const bool right = mm < limits.mm && degrees < limits.degrees;
+  ++s.pairs;
+  s.right += right ? 1 : 0;
+  (right ? s.right_good : s.wrong_good) += o.good ? 1 : 0;
+  s.all_mm.push_back(mm);
+  s.all_degrees.push_back(degrees);
+  if (right) {
+    s.mm.push_back(mm);
+    s.degrees.push_back(degrees);
+  }
+  auto& step = s.by_step[p.step];
+  step.first += right ? 1 : 0;
+  ++step.second;
+  if (verbose) {
+    std::printf("  %-34s step %.3f moving %.2f: %8.3f mm %7.4f deg %s %s", m.name().c_str(), p.step, p.moving_share, mm,
+                degrees, right ? "right" : "WRONG", o.good ? "good" : "bad");
+    if (const auto* a = dynamic_cast<const Apso*>(&m)) {
+      std::printf("  %s c %.2f valid %.2f sI %.2f sD %.2f it %d", apso::to_string(a->last.status), a->confidence,
+                  a->last.valid_share, a->last.scale_intensity, a->last.scale_depth, a->last.iterations);
+    }
+    std::printf("\n");
+  }
+}
+
+void print_scores(const std::string& title, const Methods& methods, const std::vector<Score>& scores) {
+  std::printf("\n### %s\n\n| method | right | median mm / deg of the right ones | by motion | wrong but called good | right and called good |\n"
+              "|---|---|---|---|---|---|\n",
+              title.c_str());
+  for (std::size_t i = 0; i < methods.size(); ++i) {
+    const Score& s = scores[i];
+    std::string steps;
+    for (const auto& [step, n] : s.by_step) {
+      char text[32];
+      std::snprintf(text, sizeof text, "%s%.0f", steps.empty() ? "" : "/", 100.0 * n.first / std::max(1, n.second));
+      steps += text;
+    }
+    char right_mm[48] = "-";
+    if (!s.mm.empty()) std::snprintf(right_mm, sizeof right_mm, "%.2f / %.4f", median(s.mm), median(s.degrees));
+    std::printf("| %s | %d of %d (%.1f %%) | %s | %s | %d of %d | %d of %d |\n", methods[i]->name().c_str(), s.right, s.pairs,
+                100.0 * s.right / std::max(1, s.pairs), right_mm, steps.c_str(), s.wrong_good, s.pairs - s.right, s.right_good,
+                s.right);
+  }
+  std::fflush(stdout);
+}
+
+double cpu_ms() {
+  timespec t;
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
+}
+
+void time_methods(Methods& methods, const pairs::PairMaker& maker, int count, int repeats) {
+  struct Times {
+    std::vector<double> reference, current, solve, total;
+  };
+  std::vector<Times> times(methods.size());
+  const double steps[4] = {0.02, 0.04, 0.06, 0.10};
+  for (int k = 0; k < count; ++k) {
+    const Pair pair = maker.make(k, steps[k % 4], {});
+    std::vector<std::array<double, 4>> best(methods.size(), {1e9, 1e9, 1e9, 1e9});
+    for (int r = 0; r < repeats; ++r) {
+      for (std::size_t i = 0; i < methods.size(); ++i) {  // interleaved: all see the same load of the machine
+        const double t0 = cpu_ms();
+        methods[i]->prepare_reference(pair.reference);
+        const double t1 = cpu_ms();
+        methods[i]->prepare_current(pair.current);
+        const double t2 = cpu_ms();
+        (void)methods[i]->solve(apso::Pose::Identity());
+        const double t3 = cpu_ms();
+        auto& b = best[i];
+        b = {std::min(b[0], t1 - t0), std::min(b[1], t2 - t1), std::min(b[2], t3 - t2), std::min(b[3], t3 - t0)};
+      }
+    }
+    for (std::size_t i = 0; i < methods.size(); ++i) {
+      times[i].reference.push_back(best[i][0]);
+      times[i].current.push_back(best[i][1]);
+      times[i].solve.push_back(best[i][2]);
+      times[i].total.push_back(best[i][3]);
+    }
+  }
+  std::printf("\n### Time, one thread [ms of CPU time, median over %d pairs of the best of %d]\n\n"
+              "| method | prepare reference | prepare current | solve | a pair | reference prepared before |\n"
+              "|---|---|---|---|---|---|\n",
+              count, repeats);
+  const double ours = median(times[0].total);
+  std::string ratios;
+  for (std::size_t i = 0; i < methods.size(); ++i) {
+    const Times& t = times[i];
+    std::printf("| %s | %.2f | %.2f | %.2f | %.2f | %.2f |\n", methods[i]->name().c_str(), median(t.reference),
+                median(t.current), median(t.solve), median(t.total), median(t.current) + median(t.solve));
+    if (methods[i]->key().empty()) continue;
+    char text[64];
+    std::snprintf(text, sizeof text, " %s=%.2f", methods[i]->key().c_str(), median(t.total) / ours);
+    ratios += text;
+  }
+  std::printf("\nratios:%s\n", ratios.c_str());
+}
+
+// A flat wall without texture, a blank picture without depth: nothing there to align to.
+pairs::Image8 flat(int width, int height, double grey, double depth) {
+  pairs::Image8 f;
+  f.grey.assign(width, height, static_cast<std::uint8_t>(grey));
+  f.intensity.assign(width, height, static_cast<float>(grey / 255));
+  f.depth.assign(width, height, static_cast<float>(depth));
+  f.probability.assign(width, height, 0.0F);
+  return f;
+}
+void add_noise(pairs::Image8& f, std::uint64_t seed) {
+  apso::testing::Random rng(seed);
+  for (std::size_t i = 0; i < f.depth.size(); ++i) {
+    const double n = rng.uniform() + rng.uniform() + rng.uniform() + rng.uniform() - 2;  // variance 1/3
+    const double m = rng.uniform() + rng.uniform() + rng.uniform() + rng.uniform() - 2;
+    f.grey.data()[i] = static_cast<std::uint8_t>(std::clamp(f.grey.data()[i] + 5.2 * n, 0.0, 255.0));
+    f.intensity.data()[i] = static_cast<float>(f.grey.data()[i]) / 255.0F;
+    const double z = static_cast<double>(f.depth.data()[i]);
+    if (z > 0) f.depth.data()[i] = static_cast<float>(z + 1.7 * m * (0.0012 + 0.0019 * (z - 0.4) * (z - 0.4)));
+  }
+}
+
+void score_recording(Methods& methods, const std::string& folder, const apso::opencv::CameraModel& camera,
+                     const std::string& truth_file, const std::vector<int>& steps, int count) {
+  const apso::opencv::RgbdSequence sequence(folder, camera);
+  const apso::Trajectory truth = apso::read_trajectory(truth_file);
+  for (auto& m : methods) m->camera(camera.pinhole);
+  const auto pose_at = [&](double t, apso::Pose& T) {
+    std::size_t best = 0;
+    double d = 1e9;
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      if (std::abs(truth[i].timestamp - t) < d) {
+        d = std::abs(truth[i].timestamp - t);
+        best = i;
+      }
+    }
+    T = truth[best].T_world_body;
+    return d < 0.02;
+  };
+  std::printf("\n### %s, median error of all pairs [mm / deg]\n\n| method |", folder.c_str());
+  for (const int s : steps) std::printf(" %d frames apart |", s);
+  std::printf("\n|---|");
+  for (std::size_t i = 0; i < steps.size(); ++i) std::printf("---|");
+  std::printf("\n");
+  std::vector<std::vector<Score>> scores(methods.size(), std::vector<Score>(steps.size()));
+  for (std::size_t k = 0; k < steps.size(); ++k) {
+    for (int n = 0; n < count; ++n) {
+      const int i = n * (sequence.size() - steps[k] - 1) / std::max(1, count - 1);
+      const apso::opencv::SequenceFrame a = sequence.frame(i);
+      const apso::opencv::SequenceFrame b = sequence.frame(i + steps[k]);
+      apso::Pose Ta, Tb;
+      if (!a.ok() || !b.ok() || !pose_at(a.timestamp, Ta) || !pose_at(b.timestamp, Tb)) continue;
+      Pair p;
+      p.T_current_reference = apso::inverse(Tb) * Ta;
+      p.step = steps[k];
+      const auto take = [](const apso::opencv::SequenceFrame& f, pairs::Image8& out) {
+        out.intensity = f.intensity;
+        out.depth = f.depth;
+        out.grey.resize(f.gray.cols, f.gray.rows);
+        out.probability.assign(f.gray.cols, f.gray.rows, 0.0F);
+        for (int y = 0; y < f.gray.rows; ++y) std::copy(f.gray[y], f.gray[y] + f.gray.cols, out.grey.row(y));
+      };
+      take(a, p.reference);
+      take(b, p.current);
+      for (std::size_t m = 0; m < methods.size(); ++m) score(*methods[m], p, scores[m][k]);
+    }
+  }
+  for (std::size_t m = 0; m < methods.size(); ++m) {
+    std::printf("| %s |", methods[m]->name().c_str());
+    for (const Score& s : scores[m]) std::printf(" %.1f / %.2f |", median(s.all_mm), median(s.all_degrees));
+    std::printf("\n");
+  }
+  std::fflush(stdout);
+}
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Direct alignment beside its peers"};
+  int views = 25;
+  int timed = 20;
+  int repeats = 5;
+  std::uint64_t seed = 2026;
+  std::vector<std::string> sets{"kinect", "clean", "dynamic", "masked", "rest", "verdict"};
+  bool no_peers = false;
+  std::string recording, truth, camera;
+  std::vector<int> steps{1, 2, 3, 5, 8};
+  app.add_option("--views", views, "views of each set")->check(CLI::Range(1, 1000));
+  app.add_option("--timed", timed, "pairs that are timed; 0 = none")->check(CLI::Range(0, 1000));
+  app.add_option("--repeats", repeats, "times each is run")->check(CLI::Range(1, 1000));
+  app.add_option("--seed", seed, "of the pairs");
+  app.add_option("--sets", sets, "kinect clean dynamic masked rest verdict none");
+  app.add_flag("--no-peers", no_peers, "ours alone");
+  app.add_flag("--verbose", verbose, "every pair");
+  app.add_option("--recording", recording, "folder of a recording in the layout of the TUM benchmark");
+  app.add_option("--truth", truth, "its trajectory");
+  app.add_option("--camera", camera, "of the recording: tum-fr1, tum-fr2, tum-fr3, bonn or icl-nuim");
+  app.add_option("--steps", steps, "distances of the frames of a pair");
+  CLI11_PARSE(app, argc, argv);
+
+  Methods methods;
+  apso::PyramidOptions half;
+  apso::PyramidOptions full;
+  full.finest = 0;
+  full.selection.max_pixels = 0;
+  methods.push_back(std::make_unique<Apso>("apso, default (320x240)", "", half, apso::AlignmentOptions{}));
+  methods.push_back(std::make_unique<Apso>("apso, dense (640x480)", "", full, apso::AlignmentOptions{}));
+  if (!no_peers) {
+#ifdef APSO_PEER_OPENCV
+    add_opencv(methods);
+#endif
+#ifdef APSO_PEER_OPEN3D
+    add_open3d(methods);
+#endif
+  }
+  const pairs::PairMaker maker(seed);
+  for (auto& m : methods) m->camera(maker.camera());
+  const auto has = [&](const char* s) { return std::find(sets.begin(), sets.end(), s) != sets.end(); };
+  const auto run = [&](const std::string& title, Methods& who, int n, const std::vector<double>& motions, const Conditions& c,
+                       const Limits& limits = {}) {
+    std::vector<Score> scores(who.size());
+    for (int v = 0; v < n; ++v) {
+      for (const double step : motions) {
+        const Pair p = maker.make(v, step, c);
+        for (std::size_t i = 0; i < who.size(); ++i) score(*who[i], p, scores[i], limits);
+      }
+    }
+    print_scores(title, who, scores);
+    return scores;
+  };
+  const std::vector<double> all(pairs::kSteps.begin(), pairs::kSteps.end());
+  const std::vector<double> four{0.01, 0.04, 0.10, 0.20};
+  if (has("kinect")) run("Noise of a Kinect, 1 cm / 0.5 deg to 20 cm / 10 deg", methods, views, all, {});
+  if (has("clean")) {
+    Conditions c;
+    c.noise = false;
+    run("Without noise", methods, std::max(1, views / 3), all, c);
+  }
+  if (has("dynamic")) {
+    Conditions c;
+    c.moving_share = 0.16;
+    run("Two moving bodies, no mask, 1 / 4 / 10 / 20 cm", methods, std::max(1, views), four, c);
+  }
+  if (has("masked")) {
+    Methods masked;
+    masked.push_back(std::make_unique<Apso>("apso, default, true mask", "", half, apso::AlignmentOptions{}, true));
+    masked[0]->camera(maker.camera());
+    for (const double share : {0.30, 0.45, 0.60}) {
+      Conditions c;
+      c.moving_share = share;
+      char title[64];
+      std::snprintf(title, sizeof title, "%.0f %% of the image moves, mask given", 100 * share);
+      run(title, masked, std::max(1, views / 2), four, c);
+    }
+  }
+  if (has("rest")) run("Camera at rest", methods, views, {0.0}, {});
+  if (has("verdict")) {
+    // pairs that no alignment can get right: different rooms, nothing to see, a bare wall
+    std::vector<Score> scores(methods.size());
+    Pair p;
+    for (int v = 0; v < std::max(1, views); ++v) {
+      const Pair a = maker.make(v, 0.04, {});
+      const Pair b = maker.make(v + 500, 0.04, {});
+      p.reference = a.reference;
+      p.current = b.current;
+      p.T_current_reference.translation() = Eigen::Vector3d(100, 0, 0);  // nothing is right
+      p.step = 1;
+      for (std::size_t i = 0; i < methods.size(); ++i) score(*methods[i], p, scores[i]);
+      p.step = 2;
+      p.reference = flat(640, 480, 120, 0);
+      p.current = flat(640, 480, 120, 0);
+      for (std::size_t i = 0; i < methods.size(); ++i) score(*methods[i], p, scores[i]);
+      p.step = 3;
+      p.reference = flat(640, 480, 120, 2.0 + 0.02 * v);
+      p.current = flat(640, 480, 120, 2.0 + 0.02 * v);
+      add_noise(p.reference, 2 * static_cast<std::uint64_t>(v) + 1);
+      add_noise(p.current, 2 * static_cast<std::uint64_t>(v) + 2);
+      for (std::size_t i = 0; i < methods.size(); ++i) score(*methods[i], p, scores[i]);
+    }
+    print_scores("Another room / a blank image / a bare wall: nothing is right", methods, scores);
+  }
+  if (!recording.empty()) {
+    const apso::CameraModel model = apso::camera_by_name(camera);
+    score_recording(methods, recording, model, truth.empty() ? recording + "/groundtruth.txt" : truth, steps, 20);
+    for (auto& m : methods) m->camera(maker.camera());
+  }
+  if (timed > 0) time_methods(methods, maker, timed, repeats);
+  return 0;
+}

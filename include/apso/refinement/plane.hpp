@@ -1,0 +1,123 @@
+/// \file
+/// Images as the pyramid keeps them, and how they are halved.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+#include <apso/config.hpp>
+#include <apso/math/lanes.hpp>
+#include <apso/types/image_view.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// A float image whose rows can be read and written beyond their ends: kPad floats before and at least kPad after each,
+/// of unspecified content. Loops over a row need no special last step.
+class Plane {
+ public:
+  static constexpr int kPad = 16;  ///< the widest Lanes
+
+  /// Changes the size; the content is unspecified. Allocates only when it grows beyond any size before.
+  void resize(int width, int height) {
+    width_ = width;
+    height_ = height;
+    stride_ = (width + kPad - 1) / kPad * kPad + 2 * kPad;
+    data_.resize(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height));
+  }
+  void clear() { resize(0, 0); }
+  [[nodiscard]] int width() const { return width_; }
+  [[nodiscard]] int height() const { return height_; }
+  [[nodiscard]] bool empty() const { return data_.empty(); }
+  [[nodiscard]] float* row(int y) { return data_.data() + static_cast<std::ptrdiff_t>(stride_) * y + kPad; }
+  [[nodiscard]] const float* row(int y) const { return data_.data() + static_cast<std::ptrdiff_t>(stride_) * y + kPad; }
+  [[nodiscard]] ImageView<const float> view() const {
+    return empty() ? ImageView<const float>{} : ImageView<const float>{row(0), width_, height_, stride_};
+  }
+
+ private:
+  std::vector<float> data_;
+  int width_ = 0;
+  int height_ = 0;
+  int stride_ = 0;
+};
+
+/// Half the size by the taps 1 3 3 1 (/8) in both directions. A filter with an even number of taps is centred on the
+/// 2x2 block that the coarse pixel stands for, as c' = (c + 0.5)/2 - 0.5 and the depth require; an odd one would shift
+/// the image by half a pixel.
+inline void halve_intensity(const Plane& in, Plane& out, Plane& line) {
+  const int w = in.width() / 2;
+  const int h = in.height() / 2;
+  out.resize(w, h);
+  line.resize(2 * in.width() + 2 * Plane::kPad, 1);
+  float* l = line.row(0);
+  for (int y = 0; y < h; ++y) {
+    const float* a = in.row(std::max(2 * y - 1, 0));
+    const float* b = in.row(2 * y);
+    const float* c = in.row(2 * y + 1);
+    const float* d = in.row(std::min(2 * y + 2, in.height() - 1));
+    for (int x = 0; x < in.width(); x += kLanes) {
+      (0.125F * (Lanes::load(a + x) + Lanes::load(d + x)) + 0.375F * (Lanes::load(b + x) + Lanes::load(c + x))).store(l + x);
+    }
+    l[-1] = l[0];
+    l[in.width()] = l[in.width() - 1];
+    float* o = out.row(y);
+    for (int x = 0; x < w; x += kLanes) {
+      Lanes s0, s1, s2, s3;
+      load_pairs(l + 2 * x - 1, s0, s1);
+      load_pairs(l + 2 * x + 1, s2, s3);
+      (0.125F * (s0 + s3) + 0.375F * (s1 + s2)).store(o + x);
+    }
+  }
+}
+
+/// Half the size: the mean of the valid ones of 2x2 depths that lie within 10 cm of their second largest, so never a
+/// mean over an edge. 0 stays "invalid".
+inline void halve_depth(const Plane& in, Plane& out) {
+  const int w = in.width() / 2;
+  const int h = in.height() / 2;
+  out.resize(w, h);
+  for (int y = 0; y < h; ++y) {
+    const float* p = in.row(2 * y);
+    const float* q = in.row(2 * y + 1);
+    float* o = out.row(y);
+    for (int x = 0; x < w; x += kLanes) {
+      Lanes z[4];
+      load_pairs(p + 2 * x, z[0], z[1]);
+      load_pairs(q + 2 * x, z[2], z[3]);
+      const Lanes low01 = min(z[0], z[1]);
+      const Lanes high01 = max(z[0], z[1]);
+      const Lanes low23 = min(z[2], z[3]);
+      const Lanes high23 = max(z[2], z[3]);
+      const Lanes high = max(high01, high23);
+      // second largest of the valid ones; the only one if there is one
+      Lanes second = max(min(high01, high23), max(low01, low23));
+      second = select(second > Lanes(0.0F), second, high);
+      Lanes sum = 0.0F;
+      Lanes n = 0.0F;
+      for (const Lanes& v : z) {
+        const Mask near = (v > Lanes(0.0F)) & (abs(v - second) <= Lanes(0.1F));
+        sum += select(near, v, 0.0F);
+        n += select(near, 1.0F, 0.0F);
+      }
+      (sum / max(n, 1.0F)).store(o + x);
+    }
+  }
+}
+
+/// Half the size by the smallest of 2x2: a weight of 0 spreads.
+inline void halve_min(const Plane& in, Plane& out) {
+  const int w = in.width() / 2;
+  const int h = in.height() / 2;
+  out.resize(w, h);
+  for (int y = 0; y < h; ++y) {
+    for (int x = 0; x < w; x += kLanes) {
+      Lanes a, b, c, d;
+      load_pairs(in.row(2 * y) + 2 * x, a, b);
+      load_pairs(in.row(2 * y + 1) + 2 * x, c, d);
+      min(min(a, b), min(c, d)).store(out.row(y) + x);
+    }
+  }
+}
+
+APSO_NAMESPACE_END

@@ -1,0 +1,79 @@
+#include <cmath>
+#include <limits>
+
+#include <doctest/doctest.h>
+
+#include <apso/math/lanes.hpp>
+
+using namespace apso;
+
+namespace {
+Lanes ramp(float first, float step) {
+  Lanes r;
+  for (int i = 0; i < kLanes; ++i) r.v[i] = first + step * static_cast<float>(i);
+  return r;
+}
+}  // namespace
+
+TEST_CASE("lanes compute what floats compute") {
+  const Lanes a = ramp(-2, .75F);
+  const Lanes b = ramp(3, -.5F);
+  float sum = 0;
+  for (int i = 0; i < kLanes; ++i) {
+    CHECK((a + b)[i] == a[i] + b[i]);
+    CHECK((a - b)[i] == a[i] - b[i]);
+    CHECK((a * b)[i] == a[i] * b[i]);
+    CHECK((a / b)[i] == a[i] / b[i]);
+    CHECK(min(a, b)[i] == std::min(a[i], b[i]));
+    CHECK(max(a, b)[i] == std::max(a[i], b[i]));
+    CHECK(abs(a)[i] == std::abs(a[i]));
+    CHECK(select(a < b, a, b)[i] == std::min(a[i], b[i]));
+    CHECK(select(!(a < b), a, b)[i] == std::max(a[i], b[i]));
+    CHECK(to_int(a)[i] == static_cast<int>(a[i]));
+    CHECK(to_float(to_int(a))[i] == std::trunc(a[i]));
+    sum += a[i];
+  }
+  CHECK(a.sum() == doctest::Approx(sum));
+}
+
+TEST_CASE("a comparison with NaN is false") {
+  const Lanes nan = std::numeric_limits<float>::quiet_NaN();
+  const Lanes one = 1.0F;
+  for (int i = 0; i < kLanes; ++i) {
+    CHECK((nan < one)[i] == 0);
+    CHECK((nan > one)[i] == 0);
+    CHECK((nan <= one)[i] == 0);
+    CHECK((nan >= one)[i] == 0);
+    CHECK((one <= one)[i] == -1);
+    CHECK(((one <= one) & (nan < one))[i] == 0);
+    CHECK(((one <= one) | (nan < one))[i] == -1);
+  }
+}
+
+TEST_CASE("the logarithm is that of the standard library") {
+  for (double x = 1e-6; x < 1e9; x *= 1.003) {
+    const Lanes l = log(Lanes(static_cast<float>(x)));
+    const double truth = std::log(static_cast<double>(static_cast<float>(x)));
+    CHECK(std::abs(static_cast<double>(l[0]) - truth) <= 3e-7 * std::max(1e-3, std::abs(truth)));
+    CHECK(l[kLanes - 1] == l[0]);
+  }
+}
+
+TEST_CASE("loads and stores that reorder") {
+  float memory[6 * kLanes];
+  for (int i = 0; i < 6 * kLanes; ++i) memory[i] = static_cast<float>(i);
+  Lanes even, odd;
+  load_pairs(memory, even, odd);
+  IntLanes offset{};
+  for (int i = 0; i < kLanes; ++i) offset.v[i] = 3 * i;
+  const Quad q = load_quads(memory, offset);
+  float back[2 * kLanes];
+  store_pairs(even, odd, back);
+  for (int i = 0; i < kLanes; ++i) {
+    CHECK(even[i] == static_cast<float>(2 * i));
+    CHECK(odd[i] == static_cast<float>(2 * i + 1));
+    for (int k = 0; k < 4; ++k) CHECK(q.c[k][i] == static_cast<float>(3 * i + k));
+    CHECK(back[2 * i] == even[i]);
+    CHECK(back[2 * i + 1] == odd[i]);
+  }
+}

@@ -1,0 +1,228 @@
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include <apso/refinement/normal_equations.hpp>
+
+#include "room.hpp"
+
+using namespace apso;
+
+namespace {
+const Pinhole kCamera{100, 110, 31.5, 23.5, 64, 48};
+
+// Intensity and depth linear in the pixel: bilinear reading and central differences of the grid are both exact.
+double intensity_at(const Eigen::Vector2d& u) { return .2 + .004 * u.x() + .003 * u.y(); }
+double depth_at(const Eigen::Vector2d& u) { return 2 + .005 * u.x() - .004 * u.y(); }
+
+room::Frame linear_frame() {
+  room::Frame f;
+  f.intensity.resize(kCamera.width, kCamera.height);
+  f.depth.resize(kCamera.width, kCamera.height);
+  for (int y = 0; y < kCamera.height; ++y) {
+    for (int x = 0; x < kCamera.width; ++x) {
+      f.intensity(x, y) = static_cast<float>(intensity_at({x, y}));
+      f.depth(x, y) = static_cast<float>(depth_at({x, y}));
+    }
+  }
+  return f;
+}
+PyramidOptions one_level() {
+  PyramidOptions o;
+  o.finest = 0;
+  o.levels = 1;
+  o.selection.image_noise = o.selection.depth_noise = 0;  // exact images: any gradient is one
+  return o;
+}
+double lane(const Lanes& l, int i) { return static_cast<double>(l[i]); }
+
+// All pixels of a list, one by one.
+template <class F>
+void for_pixels(const PixelList& list, const Warper& warp, F&& f) {
+  for (int b = 0; b < list.blocks(); ++b) {
+    for (int at = 0; at < PixelList::kBlock; at += kLanes) {
+      WarpedLanes o;
+      warp.warp(list.block(b), at, o);
+      for (int i = 0; i < kLanes; ++i) {
+        if (o.selected[i] != 0) f(o, i);
+      }
+    }
+  }
+}
+}  // namespace
+
+TEST_CASE("derivatives of both residuals equal central differences") {
+  FramePyramid p;
+  p.build(linear_frame().view(), kCamera, {}, one_level());
+  for (const bool esm : {false, true}) {
+    WarpOptions options;
+    options.esm = esm;
+    const Warper warp(p.level(0), Pose::Identity(), {}, options, {}, 1.0F, 1.0F);
+    int checked = 0;
+    for_pixels(p.level(0).pixels, warp, [&](const WarpedLanes& o, int i) {
+      if (!(o.weight_depth[i] > 0) || checked++ % 37 != 0) return;
+      const Eigen::Vector3d X(lane(o.X[0], i), lane(o.X[1], i), lane(o.X[2], i));
+      const Eigen::Vector3d a(lane(o.I[0], i), lane(o.I[1], i), lane(o.I[2], i));
+      const Eigen::Vector3d d(lane(o.D[0], i), lane(o.D[1], i), lane(o.D[2], i));
+      Twist ji, jd, ni, nd, gi, gd;
+      ji << a, X.cross(a);
+      jd << d, X.cross(d);
+      const Eigen::Matrix<double, 2, 3> Jp = kCamera.project_jacobian(X);  // the same formula in double
+      const Eigen::Vector3d ea = Jp.transpose() * Eigen::Vector2d(.004, .003);
+      const Eigen::Vector3d ed = Jp.transpose() * Eigen::Vector2d(.005, -.004) - Eigen::Vector3d::UnitZ();
+      gi << ea, X.cross(ea);
+      gd << ed, X.cross(ed);
+      for (int k = 0; k < 6; ++k) {
+        Twist e = Twist::Zero();
+        e(k) = 1e-5;
+        const Eigen::Vector3d plus = se3_exp(e) * X;
+        const Eigen::Vector3d minus = se3_exp(-e) * X;
+        ni(k) = (intensity_at(kCamera.project(plus)) - intensity_at(kCamera.project(minus))) / 2e-5;
+        nd(k) = (depth_at(kCamera.project(plus)) - plus.z() - depth_at(kCamera.project(minus)) + minus.z()) / 2e-5;
+      }
+      CHECK((gi - ni).norm() < 1e-6 * ni.norm());  // the formula
+      CHECK((gd - nd).norm() < 1e-6 * nd.norm());
+      CHECK((ji - ni).norm() < 1e-3 * ni.norm());  // what the float loop makes of it
+      CHECK((jd - nd).norm() < 1e-3 * nd.norm());
+    });
+    CHECK(checked > 500);
+  }
+}
+
+TEST_CASE("with esm, the mean of the gradients of both images is used, turned into the reference") {
+  // the current image has another gradient than the reference, and the camera has turned by a quarter
+  room::Frame f = linear_frame();
+  FramePyramid reference, current;
+  reference.build(f.view(), kCamera, {}, one_level());
+  for (int y = 0; y < kCamera.height; ++y) {
+    for (int x = 0; x < kCamera.width; ++x) f.intensity(x, y) = .5F + .006F * static_cast<float>(x) - .002F * static_cast<float>(y);
+  }
+  current.build(f.view(), kCamera, {}, one_level());
+  const Pose T = room::pose(.02, -.01, .03, 1, -2, 30);
+  WarpOptions options;
+  options.gate_on = false;
+  options.esm = true;
+  const Warper warp(current.level(0), T, {}, options, {}, 1.0F, 1.0F);
+  int checked = 0;
+  for_pixels(reference.level(0).pixels, warp, [&](const WarpedLanes& o, int i) {
+    if (o.valid[i] == 0 || checked++ % 37 != 0) return;
+    const Eigen::Vector3d X(lane(o.X[0], i), lane(o.X[1], i), lane(o.X[2], i));
+    const Eigen::Vector3d Y = T * X;
+    const Eigen::Vector3d mean =
+        .5 * (kCamera.project_jacobian(X).transpose() * Eigen::Vector2d(.004, .003) +
+              T.linear().transpose() * kCamera.project_jacobian(Y).transpose() * Eigen::Vector2d(.006, -.002));
+    const Eigen::Vector3d a(lane(o.I[0], i), lane(o.I[1], i), lane(o.I[2], i));
+    CHECK((a - mean).norm() < 1e-3 * mean.norm());
+  });
+  CHECK(checked > 300);
+}
+
+TEST_CASE("the fused pass sums what a plain loop in double sums, for every kernel and both noise models") {
+  const Pinhole cam = room::camera(160);
+  PyramidOptions po = one_level();
+  po.selection.max_pixels = 3000;
+  FramePyramid reference, current;
+  const room::Frame r = room::render(cam, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(cam, room::pose(.01, 0, .01, .3, .4, 0), {true, -.3, .4, 1.4}, 2);
+  reference.build(r.view(), cam, {}, po);
+  current.build(c.view(), cam, c.probability, po);  // with weights in the current frame
+  const Pose T = inverse(room::pose(.012, .001, .008, .25, .5, .1));
+  const PixelList& list = reference.level(0).pixels;
+  CHECK(list.count > 1500);
+  CHECK(list.count <= 3000);
+  TermScales scales;
+  scales.scale_intensity = 1.7;
+  scales.scale_depth = .6;
+  scales.alpha = 2;
+  for (const NoiseForm form : {NoiseForm::Sensor, NoiseForm::StaticFusion}) {
+    for (int kind = 0; kind <= static_cast<int>(KernelKind::Barron); ++kind) {
+      RobustKernel kernel;
+      kernel.kind = static_cast<KernelKind>(kind);
+      NoiseOptions noise;
+      noise.form = form;
+      const Warper warp(current.level(0), T, {1.02F, -.01F}, {}, noise, 1.0F, 1.0F);
+      TileSummer summer(warp, kernel, scales);
+      NormalEquations sum, plain;
+      double cost = 0, weight = 0, plain_cost = 0, plain_weight = 0;
+      int plain_valid = 0;
+      for (const PixelList::Tile& tile : list.tiles) {
+        TileSums s;
+        summer(list, tile, s);
+        sum += s.equations();
+        cost += static_cast<double>(s.cost);
+        weight += static_cast<double>(s.weight);
+      }
+      for_pixels(list, warp, [&](const WarpedLanes& o, int i) {
+        const Eigen::Vector3d X(lane(o.X[0], i), lane(o.X[1], i), lane(o.X[2], i));
+        const double a2 = scales.alpha * scales.alpha;
+        const double lost = lane(o.lost, i) * (1 + a2);
+        plain_cost += lost * kernel.rho(3);
+        plain_weight += lost;
+        plain_valid += o.valid[i] != 0 ? 1 : 0;
+        for (const bool photometric : {true, false}) {
+          const Eigen::Vector3d a = photometric ? Eigen::Vector3d(lane(o.I[0], i), lane(o.I[1], i), lane(o.I[2], i))
+                                                : Eigen::Vector3d(lane(o.D[0], i), lane(o.D[1], i), lane(o.D[2], i));
+          const double residual = lane(photometric ? o.residual_intensity : o.residual_depth, i);
+          const double gamma = lane(photometric ? o.weight_intensity : o.weight_depth, i) * (photometric ? a2 : 1);
+          const double scale = photometric ? scales.scale_intensity : scales.scale_depth;
+          const double g = std::sqrt(lane(photometric ? o.inverse_intensity : o.inverse_depth, i)) / scale;
+          Twist J;
+          J << a, X.cross(a);
+          const double q = gamma * kernel.weight(g * residual) * g * g;
+          plain.H += q * J * J.transpose();
+          plain.b -= q * residual * J;
+          plain_cost += gamma * kernel.rho(g * residual);
+          plain_weight += gamma;
+        }
+      });
+      CAPTURE(kind);
+      const WarpCounts counts = summer.counts();
+      CHECK(counts.valid == plain_valid);
+      CHECK(counts.selected == list.count);
+      CHECK(counts.valid + counts.out_of_view + counts.occluded + counts.disoccluded + counts.masked == counts.selected);
+      CHECK(counts.masked > 0);
+      CHECK(cost == doctest::Approx(plain_cost).epsilon(1e-4));
+      CHECK(weight == doctest::Approx(plain_weight).epsilon(1e-4));
+      CHECK((sum.H - plain.H).norm() < 1e-4 * plain.H.norm());
+      CHECK((sum.b - plain.b).norm() < 1e-3 * plain.b.norm());
+    }
+  }
+}
+
+TEST_CASE("equations for an increment on the right, moved to the left") {
+  NormalEquations n;
+  Eigen::Matrix<double, 6, 6> A = Eigen::Matrix<double, 6, 6>::Random();
+  n.H = A * A.transpose();
+  n.b = Eigen::Matrix<double, 6, 1>::Random();
+  const Pose T = room::pose(.3, -.2, .5, 20, -30, 40);
+  const NormalEquations left = moved_to_left(n, T);
+  for (int k = 0; k < 6; ++k) {
+    Twist d = Twist::Zero();
+    d(k) = .01;
+    const Twist e = se3_log(T * se3_exp(d) * inverse(T));  // T Exp(d) = Exp(e) T
+    CHECK(left.b.dot(e) == doctest::Approx(n.b.dot(d)).epsilon(1e-9));
+    CHECK(e.dot(left.H * e) == doctest::Approx(d.dot(n.H * d)).epsilon(1e-9));
+  }
+}
+
+TEST_CASE("a point in front of or behind the surface is gated, and the gate grows with the level") {
+  const Pinhole cam = room::camera(160);
+  room::Frame f = room::render(cam, Pose::Identity());
+  FramePyramid p;
+  p.build(f.view(), cam, {}, one_level());
+  const auto count = [&](double dz, float factor) {
+    Pose T = Pose::Identity();
+    T.translation().z() = dz;
+    const Warper warp(p.level(0), T, {}, {}, {}, factor, 1.0F);
+    TileSummer summer(warp, {}, {});
+    TileSums s;
+    for (const PixelList::Tile& t : p.level(0).pixels.tiles) summer(p.level(0).pixels, t, s);
+    return summer.counts();
+  };
+  CHECK(count(.02, 1).valid > .9 * count(0, 1).valid);
+  CHECK(count(.3, 1).occluded > .8 * count(0, 1).valid);
+  CHECK(count(-.3, 1).disoccluded > .8 * count(0, 1).valid);
+  CHECK(count(.3, 5).valid > .8 * count(0, 1).valid);
+}
