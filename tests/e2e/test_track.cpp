@@ -220,6 +220,42 @@ TEST_CASE("the policy is chosen by name: masks of one run serve the next, and bo
   CHECK(ratio(f.path / "d") > own);
 }
 
+TEST_CASE("a synthetic recording on disk is the one that apso_track makes on the fly") {
+  const Folder f;
+  const Outcome made = run(APSO_SYNTH, "walking_halfsphere --frames 8 --seed 4 --quiet --output " + (f.path / "in").string(), f.path);
+  INFO(made.text);
+  REQUIRE(made.code == 0);
+  const std::string camera = " --camera " + (f.path / "in" / "camera.yaml").string();
+  const Outcome tracked = run(APSO_TRACK, (f.path / "in").string() + camera + " --quiet --output " + (f.path / "out").string(), f.path);
+  INFO(tracked.text);
+  REQUIRE(tracked.code == 0);
+  const json summary = read_json(f.path / "out" / "summary.json");
+  CHECK(summary["frames"]["with_pose"] == 8);
+  CHECK(summary["final"]["ate"]["rmse"].get<double>() < 0.02);
+
+  apso::testing::SyntheticOptions options;
+  options.frames = 8;
+  options.seed = 4;
+  const apso::testing::SyntheticSequence sequence("walking_halfsphere", options);
+  apso::testing::SyntheticFrame frame;
+  sequence.render(7, frame);
+  const cv::Mat rgb = cv::imread(nth_file(f.path / "in" / "rgb", 7), cv::IMREAD_COLOR);
+  const cv::Mat depth = cv::imread(nth_file(f.path / "in" / "depth", 7), cv::IMREAD_UNCHANGED);
+  const cv::Mat mask = cv::imread(nth_file(f.path / "in" / "masks", 7), cv::IMREAD_UNCHANGED);
+  REQUIRE(rgb.size() == cv::Size(640, 480));
+  REQUIRE(depth.type() == CV_16UC1);
+  REQUIRE(mask.type() == CV_8UC1);
+  bool same = true;
+  for (int y = 0; y < 480; ++y) {
+    for (int x = 0; x < 640; ++x) {
+      same = same && rgb.at<cv::Vec3b>(y, x)[2] == frame.rgb(3 * x, y) && (mask.at<uchar>(y, x) == 255) == (frame.instance(x, y) != 0) &&
+             std::abs(depth.at<std::uint16_t>(y, x) / 5000.0 - static_cast<double>(frame.depth(x, y))) <= 0.00011;
+    }
+  }
+  CHECK(same);
+  CHECK(run(APSO_SYNTH, "walking_xyz --frames 0 --output " + (f.path / "no").string(), f.path).code != 0);
+}
+
 TEST_CASE("bad input is named, and the exit code is not zero") {
   const Folder f;
   const std::string out = " --quiet --output " + (f.path / "out").string();
