@@ -258,7 +258,7 @@ int main(int argc, char** argv) {
   int repeats = 5;
   std::uint64_t seed = 2026;
   std::vector<std::string> sets{"kinect", "clean", "dynamic", "masked", "rest", "verdict"};
-  bool no_peers = false;
+  std::vector<std::string> without;
   std::string recording, truth, camera;
   std::vector<int> steps{1, 2, 3, 5, 8};
   app.add_option("--views", views, "views of each set")->check(CLI::Range(1, 1000));
@@ -266,7 +266,7 @@ int main(int argc, char** argv) {
   app.add_option("--repeats", repeats, "times each is run")->check(CLI::Range(1, 1000));
   app.add_option("--seed", seed, "of the pairs");
   app.add_option("--sets", sets, "kinect clean dynamic masked rest verdict none");
-  app.add_flag("--no-peers", no_peers, "ours alone");
+  app.add_option("--without", without, "peers to leave out: opencv open3d");
   app.add_flag("--verbose", verbose, "every pair");
   app.add_option("--recording", recording, "folder of a recording in the layout of the TUM benchmark");
   app.add_option("--truth", truth, "its trajectory");
@@ -281,14 +281,14 @@ int main(int argc, char** argv) {
   full.selection.max_pixels = 0;
   methods.push_back(std::make_unique<Apso>("apso, default (320x240)", "", half, apso::AlignmentOptions{}));
   methods.push_back(std::make_unique<Apso>("apso, dense (640x480)", "", full, apso::AlignmentOptions{}));
-  if (!no_peers) {
+  const auto wanted = [&](const char* s) { return std::find(without.begin(), without.end(), s) == without.end(); };
 #ifdef APSO_PEER_OPENCV
-    add_opencv(methods);
+  if (wanted("opencv")) add_opencv(methods);
 #endif
 #ifdef APSO_PEER_OPEN3D
-    add_open3d(methods);
+  if (wanted("open3d")) add_open3d(methods);
 #endif
-  }
+  (void)wanted;
   const pairs::PairMaker maker(seed);
   for (auto& m : methods) m->camera(maker.camera());
   const auto has = [&](const char* s) { return std::find(sets.begin(), sets.end(), s) != sets.end(); };

@@ -1,8 +1,9 @@
 /// \file
-/// Direct alignment of two frames in one call, for images of any type with image_traits.
+/// Direct alignment of two frames in one call, for images, cameras and poses of any type with traits.
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 
 #include <apso/config.hpp>
@@ -11,7 +12,9 @@
 #include <apso/refinement/direct_alignment.hpp>
 #include <apso/refinement/direct_confidence.hpp>
 #include <apso/refinement/pyramid.hpp>
+#include <apso/traits/camera.hpp>
 #include <apso/traits/image.hpp>
+#include <apso/traits/pose.hpp>
 #include <apso/types/pinhole.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -19,12 +22,18 @@ APSO_NAMESPACE_BEGIN
 struct PairOptions {
   double intensity_unit = 0;  ///< factor that brings intensities to [0,1]; 0 = 1/255 for 8 bit, 1/65535 for 16 bit, else 1
   double depth_unit = 1;      ///< metres per unit of depth (TUM PNG files: 1/5000)
+  bool backward = false;      ///< align the other way round as well; results that differ get the confidence 0
+  double backward_translation = 0.02;  ///< largest difference of the two results [m]
+  double backward_rotation = 1.0 * 3.14159265358979323846 / 180.0;  ///< and [rad]
   PyramidOptions pyramid;
   AlignmentOptions alignment;
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("intensity_unit", s.intensity_unit, 0.0, 1e9);
     v("depth_unit", s.depth_unit, 1e-12, 1e9);
+    v("backward", s.backward);
+    v("backward_translation", s.backward_translation, 0.0, 1e6);
+    v("backward_rotation", s.backward_rotation, 0.0, 4.0);
     v("pyramid", s.pyramid);
     v("alignment", s.alignment);
   }
@@ -34,15 +43,19 @@ struct PairAlignment {
   Status status = Status::NotRun;
   Pose T_current_reference = Pose::Identity();  ///< the initial guess if the status is a failure
   double confidence = 0;                        ///< c_dir by the usual residual scales of a structured-light camera
+  double backward_translation = 0;              ///< difference to the alignment the other way round [m]; 0 = not asked for,
+  double backward_rotation = 0;                 ///< infinite when that one failed; [rad]
   AlignmentResult detail;                       ///< with the reference as world
 };
 
 /// Motion between two RGB-D frames.
-/// \param T_current_reference_guess initial guess; kept on failure
-template <class ReferenceIntensity, class ReferenceDepth, class CurrentIntensity, class CurrentDepth>
+/// \param camera a Pinhole or any type with camera_traits
+/// \param T_current_reference_guess a Pose or any type with pose_traits; kept on failure
+template <class ReferenceIntensity, class ReferenceDepth, class CurrentIntensity, class CurrentDepth, class CameraT,
+          class PoseT = Pose>
 [[nodiscard]] PairAlignment align(const ReferenceIntensity& reference_intensity, const ReferenceDepth& reference_depth,
                                   const CurrentIntensity& current_intensity, const CurrentDepth& current_depth,
-                                  const Pinhole& camera, const Pose& T_current_reference_guess = Pose::Identity(),
+                                  const CameraT& camera, const PoseT& T_current_reference_guess = Pose::Identity(),
                                   const PairOptions& options = {}) {
   check_image<ReferenceIntensity>();
   check_image<ReferenceDepth>();
@@ -59,17 +72,35 @@ template <class ReferenceIntensity, class ReferenceDepth, class CurrentIntensity
   copy_to_float(reference_depth, options.depth_unit, images[1]);
   copy_to_float(current_intensity, unit(typename image_traits<CurrentIntensity>::value_type{}), images[2]);
   copy_to_float(current_depth, options.depth_unit, images[3]);
+  const auto pinhole = [&] {
+    if constexpr (std::is_same_v<CameraT, Pinhole>) return camera;
+    else return to_pinhole(camera, images[0].width(), images[0].height());
+  }();
+  const Pose T_guess = to_pose(T_current_reference_guess);
   FramePyramid reference;
   FramePyramid current;
-  reference.build({0.0, images[0], images[1]}, camera, {}, options.pyramid, PyramidRole::Reference);
-  current.build({0.0, images[2], images[3]}, camera, {}, options.pyramid, PyramidRole::Current);
+  reference.build({0.0, images[0], images[1]}, pinhole, {}, options.pyramid,
+                  options.backward ? PyramidRole::Both : PyramidRole::Reference);
+  current.build({0.0, images[2], images[3]}, pinhole, {}, options.pyramid,
+                options.backward ? PyramidRole::Both : PyramidRole::Current);
   DirectAligner aligner(options.alignment);
   PairAlignment out;
-  out.detail = aligner.align({{&reference, Pose::Identity(), 1.0}}, current, {inverse(T_current_reference_guess)});
+  out.detail = aligner.align({{&reference, Pose::Identity(), 1.0}}, current, {inverse(T_guess)});
   out.status = out.detail.status;
-  out.T_current_reference =
-      succeeded(out.status) ? inverse(out.detail.T_world_camera) : T_current_reference_guess;
+  out.T_current_reference = succeeded(out.status) ? inverse(out.detail.T_world_camera) : T_guess;
   out.confidence = direct_confidence(out.detail, 0.65, 1.1);
+  if (options.backward) {
+    const AlignmentResult back = aligner.align({{&current, Pose::Identity(), 1.0}}, reference, {T_guess});
+    out.backward_translation = out.backward_rotation = std::numeric_limits<double>::infinity();
+    if (succeeded(back.status) && succeeded(out.status)) {
+      const Pose difference = back.T_world_camera * out.detail.T_world_camera;  // there and back
+      out.backward_translation = difference.translation().norm();
+      out.backward_rotation = rotation_angle(difference);
+    }
+    if (!(out.backward_translation <= options.backward_translation) || !(out.backward_rotation <= options.backward_rotation)) {
+      out.confidence = 0;
+    }
+  }
   return out;
 }
 

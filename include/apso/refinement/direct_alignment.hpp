@@ -147,6 +147,7 @@ struct AlignmentResult {
   Matrix6 degenerate_projector = Matrix6::Zero(); ///< onto those directions, for twists scaled by (1/l, 1), l = median_depth
   double median_depth = 0;                     ///< l [m]
   double valid_share = 0;                      ///< valid of selected pixels at the finest level
+  double static_share = 1;                 ///< of the area, by the labels of the regions; 1 without labels
   double correlation = 0;                  ///< of the intensities of both images, [-1,1]; 1 when the reference is bare
   double scale_intensity = 0;                  ///< final robust scale in units of the noise model; 0 = unset
   double scale_depth = 0;                      ///< the same for depth
@@ -178,10 +179,13 @@ class DirectAligner {
     const Pose T_start = T;
 
     bool converged = false;
+    const int middle = middle_level();
     for (int level = levels_ - 1; level >= 0; --level) {
       const Status s = solve_level(level, T_guess, T, converged, result, executor);
-      if (!succeeded(s) && level > 0) continue;  // a coarse level may be too small; finer ones have more
-      if (!succeeded(s)) return fail(result, s);
+      if (!succeeded(s) && level == 0) return fail(result, s);  // a coarse level may be too small; finer ones have more
+      if (options_.regions.on && level == middle && level > 0 && moving_share() > options_.regions.moving_share) {
+        T = try_other_regions(T_guess, T_start, T, result, executor);
+      }
     }
     finish(T_guess, T_start, T, converged, result, executor);
     return result;
@@ -216,7 +220,7 @@ class DirectAligner {
     Pose T_world_reference = Pose::Identity();
     double weight = 1;        // B_k
     double level_weight = 1;  // the same, divided by the pixels if asked for
-    TermScales scales;
+    TermScales scales, common;
     Illumination light;
     double correlation = 0;  // of the sampled intensities
     std::vector<TileSums> sums[2];
@@ -280,6 +284,83 @@ class DirectAligner {
     return true;
   }
 
+  // The finest level that is narrower than 100 pixels: good enough to compare poses, and cheap.
+  [[nodiscard]] int middle_level() const {
+    for (int level = 0; level < levels_; ++level) {
+      if (current_->level(level).camera.width < 100) return level;
+    }
+    return 0;
+  }
+
+  // Share of the area whose label says that it moves.
+  [[nodiscard]] double moving_share() const {
+    double moving = 0;
+    double all = 0;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const Term& t = terms_[k];
+      for (std::size_t i = 0; i < t.sums[accepted_].size(); ++i) {
+        const double w = static_cast<double>(t.sums[accepted_][i].weight);
+        all += w;
+        moving += w * (1 - static_cast<double>(t.labels[i]));
+      }
+    }
+    return all > 0 ? moving / all : 0.0;
+  }
+
+  // Parts of the view that are supposed to be static.
+  enum class View { All, Far, Left, Right, Sides };
+  [[nodiscard]] static bool belongs(View view, const PixelList& list, std::size_t i, float median_depth) {
+    const auto column = static_cast<float>(static_cast<int>(i) % list.columns);
+    const float x = (column + 0.5F) / static_cast<float>(list.columns);
+    switch (view) {
+      case View::All: break;
+      case View::Far: return list.tiles[i].depth > 0.9F * median_depth;
+      case View::Left: return x < 0.5F;
+      case View::Right: return x > 0.5F;
+      case View::Sides: return x < 0.3F || x > 0.7F;
+    }
+    return true;
+  }
+
+  // The share of the image that a pose does not explain, at the same scale for all poses.
+  template <class Executor>
+  double unexplained(int level, const Pose& T, const Executor& executor) {
+    constexpr int kStep = 3;  // a third of the pixels will do
+    enter(level);
+    estimate_scales(level, T, options_.scale_samples, 0);  // for the brightness
+    for (std::size_t k = 0; k < used_; ++k) terms_[k].scales.scale_intensity = terms_[k].scales.scale_depth = 0.5;
+    kernel_.kind = KernelKind::GemanMcClure;
+    kernel_.k = 2.0;
+    sum(level, T, trial_, executor, kStep);
+    return mean_cost(trial_, kStep);
+  }
+
+  // Solves the coarse levels again for parts of the view, and takes the pose that explains most of the image. It is judged
+  // one level finer, where a wrong pose shows.
+  template <class Executor>
+  Pose try_other_regions(const Pose& T_guess, const Pose& T_start, const Pose& T_all, AlignmentResult& result,
+                         const Executor& executor) {
+    const int middle = middle_level();
+    const int finer = std::max(0, middle - 1);
+    Pose best = T_all;
+    double least = unexplained(finer, T_all, executor);
+    bool converged = false;
+    for (const View view : {View::Far, View::Left, View::Right, View::Sides}) {
+      Pose T = T_start;
+      for (int level = levels_ - 1; level >= middle; --level) {
+        view_ = level == middle ? View::All : view;
+        (void)solve_level(level, T_guess, T, converged, result, executor);
+      }
+      // what moves is mostly in front of what does not
+      const double u = unexplained(finer, T, executor) / (view == View::Far ? options_.regions.far_factor : 1.0);
+      if (u < least) {
+        least = u;
+        best = T;
+      }
+    }
+    return best;
+  }
+
   // Cuts the work of a level into parts.
   void enter(int level) {
     parts_.clear();
@@ -289,6 +370,11 @@ class DirectAligner {
       const int n = static_cast<int>(list.tiles.size());
       for (auto& s : t.sums) s.resize(static_cast<std::size_t>(n));
       t.labels.reset(static_cast<std::size_t>(n));
+      if (view_ != View::All) {
+        for (std::size_t i = 0; i < list.tiles.size(); ++i) {
+          if (!belongs(view_, list, i, t.pyramid->level(level).median_depth)) t.labels.forbid(i);
+        }
+      }
       for (int b = 0; b < n;) {
         Part p;
         p.term = static_cast<int>(k);
@@ -597,7 +683,11 @@ class DirectAligner {
     for (int it = 0; it < most && !converged; ++it) {
       ++result.iterations;
       if (options_.regions.on) {
-        for (std::size_t k = 0; k < used_; ++k) terms_[k].labels.update(terms_[k].sums[accepted_], options_.regions);
+        for (std::size_t k = 0; k < used_; ++k) {
+          Term& t = terms_[k];
+          const double both = 1 + t.scales.alpha * t.scales.alpha;
+          t.labels.update(t.sums[accepted_], options_.regions, both * kernel_.rho(3.0), both);
+        }
       }
       const double before = mean_cost(accepted_);
       NormalEquations n = normal_equations(T);
@@ -653,6 +743,7 @@ class DirectAligner {
     using Vector6 = Eigen::Matrix<double, 6, 1>;
     r.counts = counts(accepted_);
     r.valid_share = share(r.counts);
+    r.static_share = 1 - moving_share();
     r.cost = mean_cost(accepted_);
     const NormalEquations n = normal_equations(T);
     if (!is_finite(T) || !std::isfinite(r.cost) || !n.H.allFinite()) {
@@ -714,6 +805,7 @@ class DirectAligner {
   RobustKernel kernel_;
   const FramePyramid* current_ = nullptr;
   int levels_ = 0;
+  View view_ = View::All;
   std::size_t used_ = 0;  // terms of this call
   std::vector<Term> terms_;
   std::vector<Part> parts_;

@@ -16,17 +16,25 @@ struct DirectConfidenceOptions {
   double u_low = 1.0;        ///< relative residual spread up to which the confidence is full
   double u_high = 2.25;      ///< and from which it is zero
   double min_valid_share = 0.3;
+  double correlation_low = 0.7;   ///< correlation of the two images up to which the confidence is zero
+  double correlation_high = 0.9;  ///< and from which it is full
+  double max_iterations = 0.5;    ///< factor when the iterations ran out
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("u_low", s.u_low, 0.0, 100.0);
     v("u_high", s.u_high, 0.0, 100.0);
     v("min_valid_share", s.min_valid_share, 0.0, 1.0);
+    v("correlation_low", s.correlation_low, -1.0, 1.0);
+    v("correlation_high", s.correlation_high, -1.0, 1.0);
+    v("max_iterations", s.max_iterations, 0.0, 1.0);
   }
 };
 
-/// c_dir = sqrt(rho_v) (1 - n_deg/6) clamp01((u_high - u)/(u_high - u_low)), where u is the geometric mean of the two
-/// final robust scales relative to what they are on good frames. The share of small residuals is of no use here: after
-/// scaling by the residuals themselves it rises when the alignment fails.
+/// c_dir = sqrt(rho_v) (1 - n_deg/6)^2 clamp01((u_high - u)/(u_high - u_low)) clamp01((r - r_low)/(r_high - r_low)), halved
+/// when the iterations ran out. u is the geometric mean of the two final robust scales relative to what they are on good
+/// frames, r the correlation of the images. The share of small residuals is of no use here: after scaling by the
+/// residuals themselves it rises when the alignment fails. The scales alone miss the pose that follows moving bodies in
+/// front of a bare wall; the images then no longer agree, which the correlation tells.
 /// \param usual_intensity,usual_depth the scales on good frames; unset (<= 0) gives 0
 [[nodiscard]] inline double direct_confidence(const AlignmentResult& r, double usual_intensity, double usual_depth,
                                               const DirectConfidenceOptions& o = {}) {
@@ -35,7 +43,12 @@ struct DirectConfidenceOptions {
   const double u = std::sqrt(r.scale_intensity / usual_intensity * (r.scale_depth / usual_depth));
   const double span = o.u_high - o.u_low;
   const double fit = span > 0 ? clamp01((o.u_high - u) / span) : (u <= o.u_low ? 1.0 : 0.0);
-  return clamp01(std::sqrt(r.valid_share) * (1.0 - r.degenerate_count / 6.0) * fit);
+  const double range = o.correlation_high - o.correlation_low;
+  const double agreement =
+      range > 0 ? clamp01((r.correlation - o.correlation_low) / range) : (r.correlation >= o.correlation_high ? 1.0 : 0.0);
+  const double determined = 1.0 - r.degenerate_count / 6.0;
+  const double finished = r.status == Status::MaxIterations ? o.max_iterations : 1.0;
+  return clamp01(std::sqrt(r.valid_share) * determined * determined * fit * agreement * finished);
 }
 
 APSO_NAMESPACE_END

@@ -54,7 +54,8 @@ struct PixelSums {
   T w[3];    ///< minus b of w
   T cost;    ///< robust cost, lost pixels charged
   T weight;  ///< what the cost is divided by
-  static constexpr int kSize = 29;
+  T lost;    ///< gamma of the pixels without a residual
+  static constexpr int kSize = 30;
 
   [[nodiscard]] NormalEquations equations() const {
     NormalEquations n;
@@ -129,6 +130,7 @@ class TileSummer {
     for (int i = 0; i < 3; ++i) out.w[i] = s.w[i].sum();
     out.cost = s.cost.sum();
     out.weight = s.weight.sum();
+    out.lost = s.lost.sum();
     counted_.selected += tile.count;
   }
 
@@ -152,14 +154,14 @@ class TileSummer {
  private:
   static constexpr int kChunk = 8;  // blocks whose M and f are kept between the two halves of the work
   struct Sums {
-    Lanes vv[6], wv[9], ww[6], v[3], w[3], cost, weight;
+    Lanes vv[6], wv[9], ww[6], v[3], w[3], cost, weight, lost;
     Sums() {
       for (Lanes& l : vv) l = 0.0F;
       for (Lanes& l : wv) l = 0.0F;
       for (Lanes& l : ww) l = 0.0F;
       for (Lanes& l : v) l = 0.0F;
       for (Lanes& l : w) l = 0.0F;
-      cost = weight = 0.0F;
+      cost = weight = lost = 0.0F;
     }
   };
 
@@ -187,6 +189,7 @@ class TileSummer {
         }
         const Lanes photometric = alpha2_ * o.weight_intensity;
         s.cost += photometric * ri + o.weight_depth * rd + o.lost * charge_;
+        s.lost += o.lost;
         s.weight += photometric + o.weight_depth + (o.lost + alpha2_ * o.lost);
         valid_ = valid_ + o.valid;
         valid_depth_ = valid_depth_ + o.valid_depth;

@@ -34,6 +34,7 @@ struct PixelList {
     int begin = 0;  ///< first block
     int end = 0;    ///< one past the last block
     int count = 0;  ///< pixels
+    float depth = 0;  ///< mean of the pixels [m]
   };
   std::vector<float> data;
   std::vector<Tile> tiles;  ///< row by row
@@ -157,6 +158,11 @@ class PixelSelector {
           }
         }
         tile.end = block;
+        float sum = 0;
+        for (int k = tile.begin; k < tile.end; ++k) {
+          for (int i = 0; i < PixelList::kBlock; ++i) sum += out.at(k, PixelList::kZ, i);
+        }
+        tile.depth = tile.count > 0 ? sum / static_cast<float>(tile.count) : 0.0F;
         drop_noise(out, tile, b, level, fx, options);
         out.tiles.push_back(tile);
         out.count += tile.count;

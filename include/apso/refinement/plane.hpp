@@ -105,8 +105,8 @@ inline void halve_depth(const Plane& in, Plane& out) {
   }
 }
 
-/// Half the size by the smallest of 2x2: a weight of 0 spreads.
-inline void halve_min(const Plane& in, Plane& out) {
+/// Half the size by the mean of 2x2.
+inline void halve_mean(const Plane& in, Plane& out) {
   const int w = in.width() / 2;
   const int h = in.height() / 2;
   out.resize(w, h);
@@ -115,7 +115,26 @@ inline void halve_min(const Plane& in, Plane& out) {
       Lanes a, b, c, d;
       load_pairs(in.row(2 * y) + 2 * x, a, b);
       load_pairs(in.row(2 * y + 1) + 2 * x, c, d);
-      min(min(a, b), min(c, d)).store(out.row(y) + x);
+      (0.25F * ((a + b) + (c + d))).store(out.row(y) + x);
+    }
+  }
+}
+
+/// out = a b.
+inline void multiply(const Plane& a, const Plane& b, Plane& out) {
+  out.resize(a.width(), a.height());
+  for (int y = 0; y < a.height(); ++y) {
+    for (int x = 0; x < a.width(); x += kLanes) (Lanes::load(a.row(y) + x) * Lanes::load(b.row(y) + x)).store(out.row(y) + x);
+  }
+}
+
+/// a = a / b where b > least, else 0.
+inline void divide(Plane& a, const Plane& b, float least) {
+  for (int y = 0; y < a.height(); ++y) {
+    for (int x = 0; x < a.width(); x += kLanes) {
+      const Lanes d = Lanes::load(b.row(y) + x);
+      const Mask ok = d > Lanes(least);
+      select(ok, Lanes::load(a.row(y) + x) / select(ok, d, 1.0F), 0.0F).store(a.row(y) + x);
     }
   }
 }

@@ -83,10 +83,17 @@ class FramePyramid {
       if (last == nullptr) {
         sanitise(frame, dynamic_probability, options, level);
       } else {
-        halve_intensity(last->intensity, level.intensity, line_);
         halve_depth(last->depth, level.depth);
-        if (last->gamma.empty()) level.gamma.clear();
-        else halve_min(last->gamma, level.gamma);
+        if (last->gamma.empty()) {
+          halve_intensity(last->intensity, level.intensity, line_);
+          level.gamma.clear();
+        } else {  // each counts by its weight, so that what is masked does not mix in
+          multiply(last->intensity, last->gamma, weighted_);
+          halve_intensity(weighted_, level.intensity, line_);
+          halve_intensity(last->gamma, smooth_gamma_, line_);
+          divide(level.intensity, smooth_gamma_, 1e-3F);
+          halve_mean(last->gamma, level.gamma);
+        }
         cam = cam.halved();
       }
       level.camera = cam;
@@ -191,6 +198,8 @@ class FramePyramid {
       for (int x = 0; broken && x < w; ++x) {
         if (!(std::abs(fi[x]) <= 1e6F)) g[x] = 0.0F;
       }
+      float* z = out.depth.row(y);
+      for (int x = 0; x < w; ++x) z[x] = g[x] > 0 ? z[x] : 0.0F;  // nor does the depth of what is masked
     }
     if (!masked_ && !broken) out.gamma.clear();
   }
@@ -225,7 +234,7 @@ class FramePyramid {
 
   std::vector<PyramidLevel> levels_;
   PyramidLevel skipped_[2];
-  Plane line_;
+  Plane line_, weighted_, smooth_gamma_;
   PixelSelector selector_;
   std::vector<float> sample_;
   double timestamp_ = 0;

@@ -18,11 +18,15 @@ struct RegionOptions {
   bool on = true;
   double cut = 3;    ///< a tile with this many times the usual cost counts half
   double power = 4;  ///< how sharp the cut is
+  double moving_share = 0.14;  ///< when more of the view seems to move, other parts of it are tried as the static one
+  double far_factor = 1.35;    ///< the far part may explain this much less and is still taken for the static one
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("on", s.on);
     v("cut", s.cut, 1.0, 1e6);
     v("power", s.power, 0.5, 100.0);
+    v("moving_share", s.moving_share, 0.0, 1.0);
+    v("far_factor", s.far_factor, 1.0, 100.0);
   }
 };
 
@@ -31,43 +35,57 @@ struct RegionOptions {
 ///     l = 1 / (1 + (m / (cut m_usual))^power),  m = mean robust cost of the tile,  m_usual = its median over the tiles
 ///
 /// The median is taken over the image area, so that what is near, and therefore measured well, does not outvote what fills
-/// most of the image.
+/// most of the image. Pixels that left the view say nothing about their tile.
 class RegionLabels {
  public:
-  /// All static.
-  void reset(std::size_t tiles) { labels_.assign(tiles, 1.0F); }
+  /// All static, except tiles that are not `allowed` to take part (empty = all are).
+  void reset(std::size_t tiles) {
+    labels_.assign(tiles, 1.0F);
+    allowed_.assign(tiles, 1.0F);
+  }
+  /// Leaves a tile out until the next reset.
+  void forbid(std::size_t i) { labels_[i] = allowed_[i] = 0.0F; }
   [[nodiscard]] float operator[](std::size_t i) const { return labels_[i]; }
-  [[nodiscard]] const std::vector<float>& all() const { return labels_; }
 
-  void update(const std::vector<TileSums>& tiles, const RegionOptions& o) {
-    labels_.resize(tiles.size());
+  /// \param charge cost of a lost pixel of weight 1, and `charge_weight` what it adds to the divisor
+  void update(const std::vector<TileSums>& tiles, const RegionOptions& o, double charge, double charge_weight) {
     sorted_.clear();
     double total = 0;
-    for (const TileSums& t : tiles) {
-      if (!(t.weight > 0)) continue;
-      sorted_.push_back({t.cost / t.weight, t.weight});
-      total += static_cast<double>(t.weight);
+    const auto mean = [&](const TileSums& t, double& weight) {
+      const double lost = static_cast<double>(t.lost);
+      weight = static_cast<double>(t.weight) - charge_weight * lost;
+      return weight > 1e-3 * static_cast<double>(t.weight)
+                 ? std::max(0.0, static_cast<double>(t.cost) - charge * lost) / weight
+                 : -1.0;
+    };
+    for (std::size_t i = 0; i < tiles.size(); ++i) {
+      double weight = 0;
+      const double m = mean(tiles[i], weight);
+      if (m < 0 || !(allowed_[i] > 0)) continue;
+      sorted_.push_back({m, weight});
+      total += weight;
     }
     std::sort(sorted_.begin(), sorted_.end(), [](const Entry& a, const Entry& b) { return a.cost < b.cost; });
     double below = 0;
     double usual = 0;
     for (const Entry& e : sorted_) {
-      below += static_cast<double>(e.weight);
-      usual = static_cast<double>(e.cost);
+      below += e.weight;
+      usual = e.cost;
       if (below >= 0.5 * total) break;
     }
     const double limit = o.cut * std::max(usual, 1e-6);
     for (std::size_t i = 0; i < tiles.size(); ++i) {
-      const double m = tiles[i].weight > 0 ? static_cast<double>(tiles[i].cost / tiles[i].weight) : 0.0;
-      labels_[i] = static_cast<float>(1.0 / (1.0 + std::pow(m / limit, o.power)));
+      double weight = 0;
+      const double m = mean(tiles[i], weight);
+      labels_[i] = allowed_[i] * static_cast<float>(m < 0 ? 1.0 : 1.0 / (1.0 + std::pow(m / limit, o.power)));
     }
   }
 
  private:
   struct Entry {
-    float cost, weight;
+    double cost, weight;
   };
-  std::vector<float> labels_;
+  std::vector<float> labels_, allowed_;
   std::vector<Entry> sorted_;
 };
 

@@ -1,0 +1,233 @@
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <new>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include <apso/refinement/align.hpp>
+
+#include "room.hpp"
+
+using namespace apso;
+
+namespace {
+bool counting = false;
+int allocations = 0;
+}  // namespace
+
+// Counts what is allocated while `counting`; for this program alone.
+void* operator new(std::size_t n) {
+  if (counting) ++allocations;
+  if (void* p = std::malloc(n == 0 ? 1 : n)) return p;
+  std::abort();
+}
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+
+namespace {
+// An image that can be read pixel by pixel only.
+struct Slow {
+  Image<float> image;
+};
+}  // namespace
+template <>
+struct apso::image_traits<Slow> {
+  using value_type = float;
+  static int width(const Slow& s) { return s.image.width(); }
+  static int height(const Slow& s) { return s.image.height(); }
+  static float at(const Slow& s, int x, int y) { return s.image(x, y); }
+};
+
+namespace {
+struct Focal {
+  Pinhole p;
+};
+}  // namespace
+template <>
+struct apso::camera_traits<Focal> {
+  static bool project(const Focal& c, const Eigen::Vector3d& X, Eigen::Vector2d& pixel) {
+    pixel = c.p.project(X);
+    return X.z() > 0;
+  }
+  static Eigen::Vector3d unproject(const Focal& c, const Eigen::Vector2d& u) { return c.p.unproject(u.x(), u.y(), 1); }
+  static Eigen::Matrix<double, 2, 3> project_jacobian(const Focal& c, const Eigen::Vector3d& X) {
+    return c.p.project_jacobian(X);
+  }
+};
+
+namespace {
+const Pinhole kCamera = room::camera(320);
+const Pose kTruth = room::pose(.02, -.01, .02, .5, -.7, .3);
+
+PairOptions full_size() {
+  PairOptions o;
+  o.pyramid.finest = 0;
+  return o;
+}
+double error_of(const PairAlignment& a, const Pose& truth = kTruth) {
+  return room::translation_error(inverse(a.T_current_reference), truth);
+}
+}  // namespace
+
+TEST_CASE("rows and single pixels give the same answer, and so does a camera type of the user's") {
+  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(kCamera, kTruth, {}, 2);
+  const PairAlignment a = align(r.intensity, r.depth, c.intensity, c.depth, kCamera);
+  const PairAlignment b =
+      align(Slow{r.intensity}, Slow{r.depth}, Slow{c.intensity}, Slow{c.depth}, kCamera, Pose::Identity());
+  REQUIRE(a.status == Status::Converged);
+  CHECK((a.T_current_reference.matrix().array() == b.T_current_reference.matrix().array()).all());
+  CHECK((a.detail.information.array() == b.detail.information.array()).all());
+  const PairAlignment d = align(r.intensity, r.depth, c.intensity, c.depth, Focal{kCamera});
+  CHECK((a.T_current_reference.matrix() - d.T_current_reference.matrix()).norm() < 1e-6);
+}
+
+TEST_CASE("what is warm allocates nothing") {
+  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(kCamera, kTruth, {true, -.3, .4, 1.5}, 2);  // something moves: all paths are taken
+  for (const bool masked : {false, true}) {
+    FramePyramid reference, current;
+    DirectAligner aligner;
+    std::vector<AlignmentReference> references{{&reference, Pose::Identity(), 1}};
+    std::vector<Pose> candidates{Pose::Identity()};
+    AlignmentResult result;
+    const auto once = [&] {
+      reference.build(r.view(), kCamera, masked ? r.probability.view() : ImageView<const float>{}, {}, PyramidRole::Both);
+      current.build(c.view(), kCamera, masked ? c.probability.view() : ImageView<const float>{}, {}, PyramidRole::Both);
+      result = aligner.align(references, current, candidates);
+    };
+    once();
+    once();
+    allocations = 0;
+    counting = true;
+    once();
+    counting = false;
+    CHECK(succeeded(result.status));
+    CHECK(allocations == 0);
+  }
+}
+
+TEST_CASE("a changed brightness is found and does not matter") {
+  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
+  room::Frame c = room::render(kCamera, kTruth, {}, 2);
+  for (std::size_t i = 0; i < c.intensity.size(); ++i) c.intensity.data()[i] = 1.2F * c.intensity.data()[i] - .05F;
+  PairOptions o = full_size();
+  const PairAlignment with = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o);
+  o.alignment.illumination = false;
+  const PairAlignment without = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o);
+  REQUIRE(succeeded(with.status));
+  CHECK(static_cast<double>(with.detail.illumination.gain) == doctest::Approx(1.2).epsilon(.02));
+  CHECK(static_cast<double>(with.detail.illumination.offset) == doctest::Approx(-.05).epsilon(.2));
+  CHECK(error_of(with) < .002);
+  CHECK(error_of(with) < error_of(without));
+}
+
+TEST_CASE("a moving body does not pull the pose when nobody says that it moves") {
+  const room::Slab before{true, -.25, .45, 1.5};
+  room::Slab after = before;
+  after.x += .06;
+  const room::Frame r = room::render(kCamera, Pose::Identity(), before, 1);
+  const room::Frame c = room::render(kCamera, kTruth, after, 2);
+  CHECK(c.dynamic_share > .2);
+  PairOptions o = full_size();
+  const PairAlignment with = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o);
+  REQUIRE(succeeded(with.status));
+  CHECK(error_of(with) < .004);
+  CHECK(with.detail.static_share < .9);
+  const room::Frame still = room::render(kCamera, kTruth, before, 2);
+  const PairAlignment all = align(r.intensity, r.depth, still.intensity, still.depth, kCamera, Pose::Identity(), o);
+  CHECK(all.detail.static_share > with.detail.static_share);
+}
+
+TEST_CASE("every policy aligns") {
+  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(kCamera, kTruth, {}, 2);
+  const auto check = [&](const AlignmentOptions& alignment, double limit) {
+    PairOptions o = full_size();
+    o.alignment = alignment;
+    const PairAlignment a = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o);
+    REQUIRE(succeeded(a.status));
+    CHECK(error_of(a) < limit);
+  };
+  AlignmentOptions o;
+  for (int kind = 0; kind <= static_cast<int>(KernelKind::Barron); ++kind) {
+    CAPTURE(kind);
+    o.kernel.kind = static_cast<KernelKind>(kind);
+    check(o, .003);
+  }
+  o = {};
+  o.graduated = true;
+  check(o, .003);
+  o = {};
+  o.warp.esm = false;
+  check(o, .003);
+  for (const ScaleKind scale : {ScaleKind::StudentT, ScaleKind::MeanAbs}) {
+    o = {};
+    o.scale = scale;
+    check(o, .003);
+  }
+  o = {};
+  o.regions.on = false;
+  o.prealign_rotation = false;
+  check(o, .003);
+  check(static_fusion_alignment(), .02);
+}
+
+TEST_CASE("the way back must agree") {
+  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(kCamera, kTruth, {}, 2);
+  PairOptions o = full_size();
+  o.backward = true;
+  const PairAlignment a = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o);
+  CHECK(a.confidence > .5);
+  CHECK(a.backward_translation < .005);
+  CHECK(a.backward_translation > 0);
+  o.backward_translation = 0;
+  CHECK(align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o).confidence == 0);
+}
+
+TEST_CASE("nothing to see is never a success") {
+  const room::Frame good = room::render(kCamera, Pose::Identity(), {}, 1);
+  room::Frame blank = good, blind = good;
+  for (std::size_t i = 0; i < blank.intensity.size(); ++i) {
+    blank.intensity.data()[i] = .4F;  // a constant image, the depth is there
+    blind.depth.data()[i] = 0;        // an image without any depth
+  }
+  const PairAlignment a = align(good.intensity, good.depth, blank.intensity, blank.depth, kCamera);
+  CHECK((!succeeded(a.status) || a.confidence < .5));
+  CHECK_FALSE(succeeded(align(good.intensity, good.depth, blind.intensity, blind.depth, kCamera).status));
+  CHECK_FALSE(succeeded(align(blind.intensity, blind.depth, good.intensity, good.depth, kCamera).status));
+  Pinhole zero = kCamera;
+  zero.fx = 0;
+  CHECK_THROWS_AS((void)align(good.intensity, good.depth, good.intensity, good.depth, zero), contract_error);
+  const Image<float> small(100, 100, 1.0F);
+  CHECK_THROWS_AS((void)align(good.intensity, small, good.intensity, good.depth, kCamera), contract_error);
+}
+
+TEST_CASE("iterations that ran out, directions that are open and images that disagree lower the confidence") {
+  AlignmentResult r;
+  r.status = Status::Converged;
+  r.valid_share = 1;
+  r.correlation = 1;
+  r.scale_intensity = .65;
+  r.scale_depth = 1.1;
+  CHECK(direct_confidence(r, .65, 1.1) == doctest::Approx(1));
+  AlignmentResult worse = r;
+  worse.status = Status::MaxIterations;
+  CHECK(direct_confidence(worse, .65, 1.1) <= .5);
+  worse = r;
+  worse.status = Status::Degenerate;
+  worse.degenerate_count = 2;
+  CHECK(direct_confidence(worse, .65, 1.1) < .5);
+  worse = r;
+  worse.correlation = .6;
+  CHECK(direct_confidence(worse, .65, 1.1) == 0);
+  worse = r;
+  worse.valid_share = .4;
+  CHECK(direct_confidence(worse, .65, 1.1) < direct_confidence(r, .65, 1.1));
+  worse = r;
+  worse.scale_depth = 3;
+  CHECK(direct_confidence(worse, .65, 1.1) < direct_confidence(r, .65, 1.1));
+}
