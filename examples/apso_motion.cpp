@@ -363,7 +363,7 @@ int main(int argc, char** argv) {
   app.add_option("SEQUENCE", a.sequences, "synthetic:NAME, FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with true masks named by stamp\n"
                                           "(cameras: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim)")->required();
   app.add_option("--policies", a.policies, "policy expressions, separated by commas, see docs/observation.md")->delimiter(',')->allow_extra_args(false)
-      ->default_val(std::vector<std::string>{"geometric", "epipolar", "multiview-depth", "cluster-residual", "residual", "hog-people",
+      ->default_val(std::vector<std::string>{"geometric", "geometric+cluster-residual", "epipolar", "multiview-depth", "cluster-residual", "residual", "hog-people",
                                              "depth-refined-mask(hog-people)", "geometric+depth-refined-mask(hog-people)",
                                              "depth-refined-mask(boxes)", "depth-refined-mask(boxes)&geometric",
                                              "mask-propagation(truth)", "truth", "none"});

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -172,6 +173,41 @@ TEST_CASE("epipolar: a camera that only turns has no epipolar lines, and is judg
   }
   CHECK(policy.model() == EpipolarModel::Lines);
   CHECK(dynamic_ratio(m) < 0.01);
+}
+
+/// Depth and intensity that are NaN or infinite now and then, and tracks that are nowhere.
+template <class Policy>
+void survives(Policy policy) {
+  Scene s;
+  s.textured = true;
+  DynamicMask m;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (int k = 0; k < 14; ++k) {
+    s.render(Pose::Identity(), Slab{});
+    if (k % 4 == 2) {
+      for (std::size_t i = 0; i < s.depth.size(); ++i) {
+        s.depth.data()[i] = k == 2 ? nan : k == 6 ? 0.0F : std::numeric_limits<float>::infinity();
+        s.intensity.data()[i] = nan;
+      }
+    }
+    std::vector<PointTrack> tracks;
+    for (int i = 0; i < 30; ++i) tracks.push_back({i, nan, 10, 10, nan, k});
+    for (int i = 30; i < 60; ++i) tracks.push_back({i, 1e30F, -1e30F, 5, 5, k});
+    for (int i = 60; i < 90; ++i) tracks.push_back({i, 50, 50, 50, 50, k});  // all at one place: no geometry
+    policy.observe(s.frame(k % 3 == 0 ? 0.0 : k / 30.0), Pose::Identity(), tracks, m);  // stamps that go back
+    policy.remember(s.frame(k / 30.0), Pose::Identity(), m);
+    bool sane = true;
+    for (std::size_t i = 0; i < m.probability.size(); ++i) sane = sane && m.probability.data()[i] >= 0.0F && m.probability.data()[i] <= 1.0F;
+    CHECK(sane);
+    CHECK(dynamic_ratio(m) < 0.02);
+  }
+}
+
+TEST_CASE("no policy trips over broken frames, and none sees motion in them") {
+  survives(ResidualMotion(camera()));
+  survives(ClusterResidual(camera()));
+  survives(MultiViewDepth(camera()));
+  survives(EpipolarMotion(camera()));
 }
 
 TEST_CASE("epipolar: without tracks nothing is known") {

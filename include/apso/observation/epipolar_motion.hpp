@@ -192,10 +192,14 @@ class EpipolarMotion {
     return inside ? depth_(static_cast<int>(u), static_cast<int>(v)) : 0.0F;
   }
   void keep(const std::vector<PointTrack>& tracks, const Pose& T_world_camera) {
-    Snapshot s;
     while (history_.size() > 1 && (history_.size() >= 32 || clock_.now() - history_[1].time >= options_.span)) {
-      s = std::move(history_.front());  // its buffer is used again
+      spare_.push_back(std::move(history_.front()));  // its buffer is used again
       history_.erase(history_.begin());
+    }
+    Snapshot s;
+    if (!spare_.empty()) {
+      s = std::move(spare_.back());
+      spare_.pop_back();
     }
     s.time = clock_.now();
     s.T_world_camera = T_world_camera;
@@ -313,6 +317,7 @@ class EpipolarMotion {
   EvidenceMask maker_;
   EpipolarModel model_ = EpipolarModel::None;
   std::vector<Snapshot> history_;  // oldest first
+  std::vector<Snapshot> spare_;
   std::vector<PointPair> pairs_;
   std::vector<float> past_depth_;
   std::vector<double> flow_;

@@ -144,7 +144,8 @@ class MultiViewDepth {
       rank_.push_back(0.7 * T.translation().norm() / farthest + 0.3 * rotation_angle(T) / widest);
       order_.push_back(i);
     }
-    std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) { return rank_[a] < rank_[b]; });
+    std::sort(order_.begin(), order_.end(),
+              [&](std::size_t a, std::size_t b) { return rank_[a] < rank_[b] || (rank_[a] == rank_[b] && a < b); });
     if (order_.size() > static_cast<std::size_t>(options_.references)) order_.resize(static_cast<std::size_t>(options_.references));
   }
 

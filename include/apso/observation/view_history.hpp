@@ -19,11 +19,12 @@ class ViewHistory {
 
   /// Takes in a copy of a frame.
   void add(const SmallFrame& frame) {
-    SmallFrame f;
     // the oldest may go when the next one is old enough as well
-    while (frames_.size() > kMost || (frames_.size() > 1 && frame.time - frames_[1].time >= span_)) {
-      f = std::move(frames_.front());
-      frames_.erase(frames_.begin());
+    while (frames_.size() > kMost || (frames_.size() > 1 && frame.time - frames_[1].time >= span_)) drop();
+    SmallFrame f;
+    if (!spare_.empty()) {
+      f = std::move(spare_.back());
+      spare_.pop_back();
     }
     f = frame;
     frames_.push_back(std::move(f));
@@ -38,14 +39,21 @@ class ViewHistory {
   }
   /// Forgets frames that are so old that the scene may have changed altogether.
   void forget_before(double time) {
-    while (!frames_.empty() && frames_.front().time < time) frames_.erase(frames_.begin());
+    while (!frames_.empty() && frames_.front().time < time) drop();
   }
-  void clear() { frames_.clear(); }
+  void clear() {
+    while (!frames_.empty()) drop();
+  }
 
  private:
+  void drop() {
+    spare_.push_back(std::move(frames_.front()));
+    frames_.erase(frames_.begin());
+  }
   static constexpr std::size_t kMost = 32;
   double span_;
   std::vector<SmallFrame> frames_;
+  std::vector<SmallFrame> spare_;
 };
 
 APSO_NAMESPACE_END
