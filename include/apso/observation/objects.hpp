@@ -309,15 +309,17 @@ class ObjectTracker {
     join();
   }
 
-  // Parts above each other at one depth are one body, as are a small part and what it lies before; people stand side
-  // by side.
+  // Parts above each other at one depth are one body, as are a small part or a box within a box with what they lie
+  // before; people stand side by side, or apart in depth.
   [[nodiscard]] bool one_body(const Box& a, double za, const Box& b, double zb) const {
-    if (za > 0 && zb > 0 && !(std::abs(za - zb) < options_.body_depth)) return false;
+    const double apart = za > 0 && zb > 0 ? std::abs(za - zb) : 0.0;
     const float across = std::min(a.x + a.width, b.x + b.width) - std::max(a.x, b.x);
     const float along = std::min(a.y + a.height, b.y + b.height) - std::max(a.y, b.y);
     const float shorter = std::min(a.height, b.height);
     const bool small_part = shorter < 0.4F * std::max(a.height, b.height);
-    return across > 0.6F * std::min(a.width, b.width) && (small_part || along < 0.4F * shorter);
+    const bool nested = a.intersect(b).area() > 0.8F * std::min(a.area(), b.area()) && apart < 0.5 * options_.body_depth;
+    const bool stacked = across > 0.6F * std::min(a.width, b.width) && (small_part || along < 0.4F * shorter);
+    return nested || (stacked && apart < options_.body_depth);
   }
 
   // An object that falls apart: parts of its body and small parts close by stay with it, all else is another object.
