@@ -249,7 +249,7 @@ void plot_timeline(const std::string& file, const Runs& runs) {
   g("set terminal pngcairo size 1200," + std::to_string(60 + 190 * n) + " font 'sans,10' background rgb 'white'");
   g("set output " + track::quoted(file));
   g("set multiplot layout " + std::to_string(n) + ",1");
-  g("set key outside right top; set grid lc rgb '#dddddd'; set yrange [0:1.02]");
+  g("set key outside right top noenhanced; set grid lc rgb '#dddddd'; set yrange [0:1.02]");
   for (std::size_t i = 0; i < n; ++i) {
     const track::Run& run = runs[i];
     if (run.frames.empty()) continue;
