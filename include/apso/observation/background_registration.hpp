@@ -127,7 +127,8 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
           const Eigen::Vector3f n0 = Rp.transpose() * n_r;
           const Eigen::Vector3f Xc = Rc * X + tc;
           Eigen::Matrix<float, 6, 1> J;
-          J << n0, Xc.cross(n0);
+          J.head<3>() = n0;
+          J.tail<3>() = Xc.cross(n0);
           Hr.selfadjointView<Eigen::Lower>().rankUpdate(J, weight);
           br += (weight * r) * J;
           ++n;

@@ -157,7 +157,7 @@ inline int classify(const Pinhole& camera, std::vector<PointObservation>& observ
       Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
       Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
       Eigen::Vector3d r;
-      Eigen::Matrix3d J_point;
+      Eigen::Matrix3d J_point = Eigen::Matrix3d::Zero();
       for (const PointObservation& o : observations) {
         if (!o.inlier) continue;
         const Eigen::Vector3d p = T * o.point;

@@ -107,7 +107,7 @@ inline AdjustmentResult adjust(const Pinhole& camera, AdjustmentProblem& problem
         const Pose& T = poses[static_cast<std::size_t>(view.pose)];
         const Eigen::Vector3d p = T * points[i];
         Eigen::Vector3d r;
-        Eigen::Matrix3d J;
+        Eigen::Matrix3d J = Eigen::Matrix3d::Zero();
         if (!point_residual(camera, view.observation, p, r, &J)) continue;
         const double limit = chi2_limit(view.observation);
         const double e2 = r.squaredNorm();
