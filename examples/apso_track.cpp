@@ -245,10 +245,7 @@ int run(Arguments a) {
       if (detections) seen.detections = &detections->at(frame.timestamp);
       if (motion) {
         motion->observe(frame.rgbd, prior.T_world_camera, tracker.tracks(), moving);
-        if (apso::known_ratio(moving) > 0) {
-          apso::opencv::mask_to_8bit(moving, mask_out);
-          mask = mask.empty() ? mask_out.clone() : cv::Mat(mask | mask_out);
-        }
+        seen.moving = &moving;
         if (!motion->detections().empty()) seen.detections = &motion->detections();
       }
       if (!mask.empty()) seen.mask = {mask.data, mask.cols, mask.rows, static_cast<std::ptrdiff_t>(mask.step)};

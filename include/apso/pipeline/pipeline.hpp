@@ -57,6 +57,8 @@ struct ObservationInput {
   const std::vector<PointTrack>* tracks = nullptr;   ///< optional; sharpens the motion policy
   const std::vector<Detection>* detections = nullptr;///< optional; from any detector
   ImageView<const std::uint8_t> mask;                ///< optional; nonzero = dynamic, from any segmentation
+  const DynamicMask* moving = nullptr;               ///< optional; from a motion policy of the host's own, which then also
+                                                     ///< remembers the frame itself; joins the pipeline's own policy
 };
 
 /// What the first module found.

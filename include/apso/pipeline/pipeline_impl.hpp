@@ -16,6 +16,8 @@ inline void Pipeline::check_images(const ObservationInput& input) const {
           "Pipeline::observe: the depth image has another size than the camera");
   expects(input.mask.empty() || fits(input.mask.width, input.mask.height),
           "Pipeline::observe: the mask has another size than the camera");
+  expects(input.moving == nullptr || fits(input.moving->probability.width(), input.moving->probability.height()),
+          "Pipeline::observe: the mask of the motion policy has another size than the camera");
   expects(is_finite(input.T_world_camera_prior), "Pipeline::observe: the prior pose is not finite");
 }
 
@@ -25,21 +27,23 @@ inline const Observation& Pipeline::observe(const ObservationInput& input) {
   const std::vector<Detection>& detections = input.detections ? *input.detections : no_detections_;
   frame_ = input.frame;
 
-  observation_.informative = options_.motion || !input.mask.empty() || input.detections != nullptr;
+  const bool moving = input.moving != nullptr && known_ratio(*input.moving) > 0;
+  observation_.informative = options_.motion || moving || !input.mask.empty() || input.detections != nullptr;
   if (options_.motion) {
     motion_.observe(frame_, input.T_world_camera_prior, tracks, observation_.mask);
   } else {
     set_unknown(camera_.width, camera_.height, observation_.mask);
   }
+  if (moving) combine(*input.moving, MaskCombination::Union, observation_.mask);
   if (!input.mask.empty()) {
     mask_from_labels(input.mask, external_);
     combine(external_, MaskCombination::Union, observation_.mask);
-  } else if (!options_.motion && input.detections != nullptr) {
+  } else if (!options_.motion && input.moving == nullptr && input.detections != nullptr) {
     // Without any motion cue a movable detection counts as moving (semantic prior, as in the paper).
     mask_from_detections(detections, camera_.width, camera_.height, false, external_);
     combine(external_, MaskCombination::Union, observation_.mask);
   }
-  observation_.objects = objects_.update(observation_.mask, frame_.depth, detections);
+  observation_.objects = objects_.update(observation_.mask, frame_.depth, detections, tracks);
   observation_.dynamic_ratio = dynamic_ratio(observation_.mask);
   return observation_;
 }
