@@ -36,7 +36,7 @@ struct PyramidOptions {
     v("levels", s.levels, 1, 8);
     v("finest", s.finest, 0, 7);
     v("min_width", s.min_width, 8, 10000);
-    v("selection", s.selection);
+    v("pixels", s.selection);  // short: a longer prefix would cost an allocation per frame
     v("gamma_background", s.gamma_background, 0.0F, 1.0F);
     v("gamma_potential", s.gamma_potential, 0.0F, 1.0F);
     v("gamma_confirmed", s.gamma_confirmed, 0.0F, 1.0F);
