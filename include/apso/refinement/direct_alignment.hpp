@@ -74,7 +74,7 @@ struct AlignmentOptions {
   double min_correlation = 0.3;            ///< intensities of both images that agree less are NoOverlap
   bool prealign_rotation = true;           ///< photometric rotation-only search at the coarsest level
   int prealign_iterations = 15;
-  bool check_against_guess = true;         ///< Diverged if the result explains the images worse than the guess
+  bool check_against_guess = true;         ///< Diverged if the result is pixels away from the guess and explains the images worse
   bool per_reference_mean = false;         ///< divide each reference's term by its number of pixels
   double information_deflation = 0.01;     ///< neighbouring residuals are correlated: factor on the information
   double prior_sigma_translation = 0;      ///< motion prior towards the first candidate [m]; 0 = none
@@ -781,7 +781,11 @@ class DirectAligner {
     if (options_.check_against_guess) {
       constexpr int kStep = 8;  // an eighth of the pixels will do
       sum(0, T_guess, trial_, executor, kStep);
-      if (mean_cost(trial_, kStep) < 0.99 * mean_cost(accepted_, kStep)) {
+      // Within the reach of a few pixels the two costs differ by noise and by what the references disagree on: a good
+      // guess may well come out ahead there, and the result is no worse for it.
+      const Vector6 away = D.cwiseInverse().asDiagonal() * Vector6(se3_log(T_guess * inverse(T)));
+      const bool far = away.norm() * current_->level(0).camera.fx > 3;
+      if (far && mean_cost(trial_, kStep) < 0.99 * mean_cost(accepted_, kStep)) {
         fail(r, Status::Diverged);
         return;
       }
