@@ -2,92 +2,28 @@
 #ifdef APSO_TRACK
 #include <doctest/doctest.h>
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <cstdlib>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include <apso/io/tum_text.hpp>
 #include <apso/testing/synthetic.hpp>
 
-namespace fs = std::filesystem;
-using json = nlohmann::json;
+#include "../run_program.hpp"
 
 namespace {
 
-struct Folder {
-  fs::path path;
-  Folder() : path(fs::temp_directory_path() / ("apso_e2e_" + std::to_string(::getpid()))) {
-    fs::remove_all(path);
-    fs::create_directories(path);
-  }
-  ~Folder() { fs::remove_all(path); }
-};
-
-struct Outcome {
-  int code = -1;
-  std::string text;
-};
-
 Outcome run(const std::string& program, const std::string& arguments, const fs::path& folder) {
-  const std::string log = (folder / "log.txt").string();
-  const int status = std::system((program + " " + arguments + " > " + log + " 2>&1").c_str());
-  std::stringstream text;
-  text << std::ifstream(log).rdbuf();
-  return {WEXITSTATUS(status), text.str()};
-}
-
-json read_json(const fs::path& file) { return json::parse(std::ifstream(file)); }
-
-std::vector<std::string> split(const std::string& line) {
-  std::vector<std::string> fields(1);
-  bool quoted = false;
-  for (char c : line) {
-    if (c == '"') quoted = !quoted;
-    if (c == ',' && !quoted) {
-      fields.emplace_back();
-    } else {
-      fields.back() += c;
-    }
-  }
-  return fields;
-}
-
-/// Writes a short recording in TUM format.
-void write_recording(const fs::path& folder, int frames) {
-  fs::create_directories(folder / "rgb");
-  fs::create_directories(folder / "depth");
-  apso::testing::SyntheticOptions options;
-  const apso::testing::SyntheticSequence sequence("static_xyz", options);
-  apso::testing::SyntheticFrame frame;
-  std::ofstream rgb(folder / "rgb.txt"), depth(folder / "depth.txt"), truth(folder / "groundtruth.txt");
-  truth.precision(12);
-  for (int i = 0; i < frames; ++i) {
-    sequence.render(i, frame);
-    char name[32];
-    std::snprintf(name, sizeof name, "%.6f", frame.timestamp);
-    cv::Mat bgr, depth16;
-    cv::cvtColor(cv::Mat(480, 640, CV_8UC3, frame.rgb.data()), bgr, cv::COLOR_RGB2BGR);
-    cv::Mat(480, 640, CV_32F, frame.depth.data()).convertTo(depth16, CV_16U, 5000.0);
-    cv::imwrite((folder / "rgb" / (std::string(name) + ".png")).string(), bgr);
-    cv::imwrite((folder / "depth" / (std::string(name) + ".png")).string(), depth16);
-    rgb << name << " rgb/" << name << ".png\n";
-    depth << name << " depth/" << name << ".png\n";
-    const Eigen::Vector3d t = frame.T_world_camera.translation();
-    const Eigen::Quaterniond q(Eigen::Matrix3d(frame.T_world_camera.linear()));
-    truth << name << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z() << ' '
-          << q.w() << '\n';
-  }
+  return run(program + " " + arguments, folder);
 }
 
 std::string nth_file(const fs::path& folder, int n) {
@@ -115,22 +51,15 @@ TEST_CASE("apso_track runs the whole method on people walking, and apso_eval agr
   CHECK(summary["frames"]["with_pose"] == 60);
   CHECK(summary["final"]["ate"]["rmse"].get<double>() < 0.05);
 
-  std::ifstream table(out / "frames.csv");
-  std::string line;
-  std::getline(table, line);
-  const std::vector<std::string> header = split(line);
+  const Table table(out / "frames.csv");
   for (const char* name : {"frame", "timestamp", "state", "S_conf", "S_spatial", "S_feature", "S_depth", "S_total", "S_mc",
                            "S_dc", "S_dec", "S_change", "dynamic_ratio", "W_base", "S_final", "th_differ", "w_eff", "c_dir",
                            "references", "ms_total"}) {
     CAPTURE(name);
-    CHECK(std::find(header.begin(), header.end(), name) != header.end());
+    CHECK(table.has(name));
   }
-  int rows = 0;
-  while (std::getline(table, line)) {
-    CHECK(split(line).size() == header.size());
-    ++rows;
-  }
-  CHECK(rows == 60);
+  for (const auto& row : table.rows) CHECK(row.size() == table.header.size());
+  CHECK(table.rows.size() == 60);
 
   int masks = 0;
   for (const auto& e : fs::directory_iterator(out / "masks")) {
@@ -157,7 +86,8 @@ TEST_CASE("two runs give the same bytes") {
 TEST_CASE("a recording with broken frames is tracked, and every broken frame is reported") {
   const Folder f;
   const fs::path in = f.path / "in";
-  write_recording(in, 14);
+  REQUIRE(run(APSO_SYNTH, "static_xyz --frames 14 --quiet --output " + in.string(), f.path).code == 0);
+  fs::remove(in / "associations.txt");  // so that colour and depth are paired by their stamps
   std::ofstream(nth_file(in / "rgb", 5), std::ios::trunc) << "not a picture";
   fs::remove(nth_file(in / "depth", 7));
   cv::imwrite(nth_file(in / "depth", 9), cv::Mat(480, 640, CV_8U, cv::Scalar(9)));
@@ -185,14 +115,8 @@ TEST_CASE("the policy is chosen by name: masks of one run serve the next, and bo
   INFO(first.text);
   REQUIRE(first.code == 0);
   const auto ratio = [](const fs::path& folder) {  // of the last frame
-    std::ifstream table(folder / "frames.csv");
-    std::string line;
-    std::getline(table, line);
-    const std::vector<std::string> header = split(line);
-    std::string last;
-    while (std::getline(table, line)) last = line;
-    const auto column = std::find(header.begin(), header.end(), "dynamic_ratio") - header.begin();
-    return std::stod(split(last)[static_cast<std::size_t>(column)]);
+    const Table table(folder / "frames.csv");
+    return std::stod(table.field(table.rows.size() - 1, "dynamic_ratio"));
   };
   const double own = ratio(f.path / "a");
   REQUIRE(own > 0.05);

@@ -8,12 +8,12 @@
 #include <cstddef>
 #include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/symmetric.hpp>
 #include <apso/observation/free_space.hpp>
 #include <apso/status.hpp>
 #include <apso/types/image_view.hpp>
@@ -160,7 +160,7 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
       return result;
     }
     const Vector6 xi = se3_log(D);
-    const Vector6 step = -(H + prior).ldlt().solve(b + prior * xi);
+    const Vector6 step = -solve_symmetric(Matrix66(H + prior), Vector6(b + prior * xi));
     if (!step.allFinite()) {
       result.status = Status::SingularSystem;
       return result;

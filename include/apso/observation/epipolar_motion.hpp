@@ -12,12 +12,12 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include <apso/config.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/symmetric.hpp>
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/evidence_mask.hpp>
 #include <apso/observation/small_frame.hpp>
@@ -71,14 +71,13 @@ struct PointPair {
     row << b.x() * a, b.y() * a, b.z() * a;
     A.selfadjointView<Eigen::Lower>().rankUpdate(row);
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> eigen(A);
-  if (eigen.info() != Eigen::Success || !(eigen.eigenvalues()[1] > 1e-12 * eigen.eigenvalues()[8])) return false;
-  const Eigen::Matrix<double, 9, 1> f = eigen.eigenvectors().col(0);
+  const SymmetricEigen<9> eigen = eigen_symmetric(A);
+  if (!(eigen.values[1] > 1e-12 * eigen.values[8])) return false;
+  const Eigen::Matrix<double, 9, 1> f = eigen.vectors.col(0);
   Eigen::Matrix3d M;
   M << f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8];
   // the nearest matrix of rank 2 lacks the direction of the smallest singular value
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> right(M.transpose() * M);
-  const Eigen::Vector3d v = right.eigenvectors().col(0);
+  const Eigen::Vector3d v = eigen_symmetric(Eigen::Matrix3d(M.transpose() * M)).vectors.col(0);
   F = N[1].transpose() * (M - M * v * v.transpose()) * N[0];
   const double norm = F.norm();
   if (!(norm > 0) || !F.allFinite()) return false;

@@ -12,13 +12,13 @@
 #include <cstddef>
 #include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include <apso/config.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/symmetric.hpp>
 #include <apso/observation/small_frame.hpp>
 #include <apso/options.hpp>
 #include <apso/status.hpp>
@@ -185,7 +185,7 @@ inline LowResAlignment align_low_res(const SmallFrame& current, const SmallFrame
     A.triangularView<Eigen::StrictlyUpper>() = A.transpose();
     A = count * A + prior;
     const Vector6 b = count * g.cast<double>() + prior * offset;
-    const Vector6 step = -A.ldlt().solve(b);
+    const Vector6 step = -solve_symmetric(A, b);
     if (!step.allFinite() || step.norm() > 0.5) {
       result.status = Status::Diverged;
       result.T_past_current = T_past_current_prior;

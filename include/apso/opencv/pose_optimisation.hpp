@@ -18,6 +18,7 @@
 #include <apso/config.hpp>
 #include <apso/options.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/symmetric.hpp>
 #include <apso/status.hpp>
 #include <apso/types/pinhole.hpp>
 
@@ -172,9 +173,8 @@ inline int classify(const Pinhole& camera, std::vector<PointObservation>& observ
         b.noalias() -= w * J.transpose() * r;
       }
       H.diagonal().array() += 1e-9 * H.trace() + 1e-12;
-      const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> ldlt(H);
-      const Eigen::Matrix<double, 6, 1> step = ldlt.solve(b);
-      if (ldlt.info() != Eigen::Success || !step.allFinite()) {
+      const Eigen::Matrix<double, 6, 1> step = solve_symmetric(H, b);
+      if (!step.allFinite()) {
         result.status = Status::SingularSystem;
         return result;
       }

@@ -8,10 +8,10 @@
 #include <cstddef>
 #include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/math/symmetric.hpp>
 #include <apso/quality/running_window.hpp>
 #include <apso/types/score.hpp>
 
@@ -86,8 +86,8 @@ struct MotionChange {
       ++n;
     }
     if (n < 6) return A;
-    const Eigen::LDLT<Eigen::Matrix3d> solver(H + 1e-6 * Eigen::Matrix3d::Identity());
-    const Eigen::Matrix<double, 2, 3> next = solver.solve(b).transpose();
+    H.diagonal().array() += 1e-6;
+    const Eigen::Matrix<double, 2, 3> next = solve_symmetric(H, b).transpose();
     if (!next.allFinite()) return A;
     A = next;
   }

@@ -15,15 +15,14 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
-#include <Eigen/Eigenvalues>
 
 #include <apso/config.hpp>
 #include <apso/executor.hpp>
 #include <apso/math/robust_kernel.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/symmetric.hpp>
 #include <apso/options.hpp>
 #include <apso/refinement/noise_model.hpp>
 #include <apso/refinement/normal_equations.hpp>
@@ -635,18 +634,18 @@ class DirectAligner {
     Eigen::Matrix<double, 6, 1> D;
     D << depth, depth, depth, 1, 1, 1;
     const Eigen::Matrix<double, 6, 6> scaled = D.asDiagonal() * H * D.asDiagonal();
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(scaled);
+    const SymmetricEigen<6> eigen = eigen_symmetric(scaled);
     P.setZero();
     int count = 0;
-    const double largest = eigen.eigenvalues()(5);
+    const double largest = eigen.values(5);
     for (int i = 0; i < 6; ++i) {
-      const double value = eigen.eigenvalues()(i);
+      const double value = eigen.values(i);
       if (value < options_.degenerate_ratio * largest || value < options_.degenerate_floor) {
-        P += eigen.eigenvectors().col(i) * eigen.eigenvectors().col(i).transpose();
+        P += eigen.vectors.col(i) * eigen.vectors.col(i).transpose();
         ++count;
       }
     }
-    if (eigenvalues != nullptr) *eigenvalues = eigen.eigenvalues();
+    if (eigenvalues != nullptr) *eigenvalues = eigen.values;
     return count;
   }
 
@@ -703,7 +702,7 @@ class DirectAligner {
         // Solved within the determined directions only; the identity on the others keeps the system regular.
         Mat6 A = keep * scaled * keep + scaled(0, 0) * P + 1e-12 * scaled.trace() * Mat6::Identity();
         A.diagonal() += mu * scaled.diagonal();
-        const Vector6 scaled_step = keep * A.ldlt().solve(keep * right);
+        const Vector6 scaled_step = keep * solve_symmetric(A, Vector6(keep * right));
         const Vector6 step = D.asDiagonal() * scaled_step;
         if (!step.allFinite()) return Status::Diverged;
         const bool tiny = focal * scaled_step.cwiseAbs().maxCoeff() < options_.stop_pixels.at(level);
@@ -793,7 +792,7 @@ class DirectAligner {
     const Mat6 keep = Mat6::Identity() - P;
     const Mat6 scaled = D.asDiagonal() * n.H * D.asDiagonal();
     const double fill = scaled.trace() / 6;
-    const Mat6 inverted = keep * (keep * scaled * keep + fill * P).ldlt().solve(Mat6::Identity()) * keep;
+    const Mat6 inverted = keep * solve_symmetric(Mat6(keep * scaled * keep + fill * P), Mat6(Mat6::Identity())) * keep;
     const Mat6 covariance = D.asDiagonal() * inverted * D.asDiagonal();
     r.information = options_.information_deflation * n.H;
     r.covariance = 0.5 / options_.information_deflation * (covariance + covariance.transpose());

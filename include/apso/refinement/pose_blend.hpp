@@ -6,11 +6,11 @@
 #include <array>
 #include <cmath>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/symmetric.hpp>
 #include <apso/options.hpp>
 #include <apso/types/score.hpp>
 
@@ -85,7 +85,7 @@ struct BlendOptions {
   const Twist xi = se3_log(inverse(T_direct) * T_feature);
   Eigen::Matrix<double, 6, 6> A = (1 - w) * direct_information;
   A.diagonal() += w * feature;
-  const Twist step = A.ldlt().solve(Eigen::Matrix<double, 6, 1>(w * feature.cwiseProduct(xi)));
+  const Twist step = solve_symmetric(A, Eigen::Matrix<double, 6, 1>(w * feature.cwiseProduct(xi)));
   return step.allFinite() ? Pose(T_direct * se3_exp(step)) : sclerp(T_direct, T_feature, w);
 }
 

@@ -8,13 +8,13 @@
 #include <limits>
 #include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/sampling.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/symmetric.hpp>
 #include <apso/refinement/pyramid.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -52,7 +52,7 @@ class RotationSearch {
         b -= w * static_cast<double>(row[3]) * j;
       }
       H.diagonal() *= 1.0 + 1e-4;
-      const Eigen::Vector3d step = H.ldlt().solve(b);
+      const Eigen::Vector3d step = solve_symmetric(H, b);
       if (!step.allFinite()) break;
       const Eigen::Vector3d bounded = step.norm() > 0.2 ? Eigen::Vector3d(step * (0.2 / step.norm())) : step;
       T.linear() = (so3_exp(bounded) * Eigen::Quaterniond(Eigen::Matrix3d(T.linear()))).normalized().toRotationMatrix();
