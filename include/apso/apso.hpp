@@ -18,6 +18,7 @@
 #include <apso/math/se3.hpp>
 #include <apso/math/symmetric.hpp>
 #include <apso/observation/background_registration.hpp>
+#include <apso/observation/carried_log_odds.hpp>
 #include <apso/observation/cluster_residual.hpp>
 #include <apso/observation/depth_refined_mask.hpp>
 #include <apso/observation/dynamic_mask.hpp>
@@ -39,6 +40,7 @@
 #include <apso/observation/soft_weights.hpp>
 #include <apso/observation/temporal_filter.hpp>
 #include <apso/observation/track_claims.hpp>
+#include <apso/observation/track_history.hpp>
 #include <apso/observation/view_history.hpp>
 #include <apso/options.hpp>
 #include <apso/pipeline/pipeline.hpp>

@@ -217,7 +217,7 @@ class DepthRefinedMask {
   void write(DynamicMask& out) {
     labels_.resize(small_.width, small_.height);
     for (std::size_t i = 0; i < labels_.size(); ++i) labels_.data()[i] = refined_.data()[i] > 0 ? 1 : 0;
-    fill_depth_holes(depth_, 3, labels_, scratch_);
+    fill_depth_holes(depth_, labels_, scratch_);
     for (std::size_t i = 0; i < labels_.size(); ++i) {
       if (labels_.data()[i] != 0 && !(refined_.data()[i] > 0)) refined_.data()[i] = 1.0F;
     }
@@ -225,7 +225,7 @@ class DepthRefinedMask {
     for (std::size_t i = 0; i < known_.size(); ++i) {
       if (refined_.data()[i] > 0) known_.data()[i] = 1;
     }
-    enlarge(refined_, known_, factor_, camera_.width, camera_.height, out);
+    enlarge_(refined_, known_, factor_, camera_.width, camera_.height, out);
   }
 
   Inner inner_;
@@ -243,6 +243,7 @@ class DepthRefinedMask {
   RegionScratch regions_;
   RegionScratch scratch_;
   std::vector<float> dilation_scratch_;
+  MaskEnlarger enlarge_;
 };
 
 APSO_NAMESPACE_END

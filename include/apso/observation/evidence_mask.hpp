@@ -17,36 +17,53 @@
 APSO_NAMESPACE_BEGIN
 
 /// Enlarges a small probability map to the size of the frame: probabilities bilinearly, knowledge by the nearest pixel.
-/// Pixel (x,y) of the small image covers factor x factor pixels of the frame.
-inline void enlarge(const Image<float>& probability, const Image<std::uint8_t>& known, int factor, int width, int height,
-                    DynamicMask& out) {
-  const int w = probability.width();
-  const int h = probability.height();
-  expects(w > 0 && h > 0 && known.width() == w && known.height() == h, "enlarge: probability and known differ in size");
-  out.probability.resize(width, height);
-  out.known.resize(width, height);
-  const float scale = 1.0F / static_cast<float>(factor);
-  for (int y = 0; y < height; ++y) {
-    const float s = std::clamp((static_cast<float>(y) + 0.5F) * scale - 0.5F, 0.0F, static_cast<float>(h - 1));
-    const int j = static_cast<int>(s);
-    const float b = s - static_cast<float>(j);
-    const float* above = probability.row(j);
-    const float* below = probability.row(std::min(j + 1, h - 1));
-    const std::uint8_t* k = known.row(std::min(y / factor, h - 1));
-    float* p = out.probability.row(y);
-    std::uint8_t* o = out.known.row(y);
+/// Pixel (x,y) of the small image covers factor x factor pixels of the frame. Keeps the weights of a row between calls.
+class MaskEnlarger {
+ public:
+  void operator()(const Image<float>& probability, const Image<std::uint8_t>& known, int factor, int width, int height,
+                  DynamicMask& out) {
+    const int w = probability.width();
+    const int h = probability.height();
+    expects(w > 0 && h > 0 && known.width() == w && known.height() == h, "MaskEnlarger: probability and known differ in size");
+    out.probability.resize(width, height);
+    out.known.resize(width, height);
+    columns_.resize(static_cast<std::size_t>(width));
+    const float scale = 1.0F / static_cast<float>(factor);
     for (int x = 0; x < width; ++x) {
-      const float r = std::clamp((static_cast<float>(x) + 0.5F) * scale - 0.5F, 0.0F, static_cast<float>(w - 1));
-      const int i = static_cast<int>(r);
-      const int i1 = std::min(i + 1, w - 1);
-      const float a = r - static_cast<float>(i);
-      const float top = above[i] + a * (above[i1] - above[i]);
-      const float bottom = below[i] + a * (below[i1] - below[i]);
-      p[x] = top + b * (bottom - top);
-      o[x] = k[std::min(x / factor, w - 1)];
+      const float s = std::clamp((static_cast<float>(x) + 0.5F) * scale - 0.5F, 0.0F, static_cast<float>(w - 1));
+      const int left = std::min(static_cast<int>(s), std::max(0, w - 2));
+      columns_[static_cast<std::size_t>(x)] = {static_cast<std::size_t>(left), std::min(x / factor, w - 1),
+                                               s - static_cast<float>(left)};
+    }
+    line_.assign(static_cast<std::size_t>(w) + 1, 0.0F);
+    for (int y = 0; y < height; ++y) {
+      const float s = std::clamp((static_cast<float>(y) + 0.5F) * scale - 0.5F, 0.0F, static_cast<float>(h - 1));
+      const int j = std::min(static_cast<int>(s), std::max(0, h - 2));
+      const float share = s - static_cast<float>(j);
+      const float* above = probability.row(j);
+      const float* below = probability.row(std::min(j + 1, h - 1));
+      for (int x = 0; x < w; ++x) line_[static_cast<std::size_t>(x)] = above[x] + share * (below[x] - above[x]);
+      line_[static_cast<std::size_t>(w)] = line_[static_cast<std::size_t>(w) - 1];
+      const std::uint8_t* seen = known.row(std::min(y / factor, h - 1));
+      float* p = out.probability.row(y);
+      std::uint8_t* k = out.known.row(y);
+      for (int x = 0; x < width; ++x) {
+        const Column& c = columns_[static_cast<std::size_t>(x)];
+        p[x] = line_[c.left] + c.share * (line_[c.left + 1] - line_[c.left]);
+        k[x] = seen[c.nearest];
+      }
     }
   }
-}
+
+ private:
+  struct Column {
+    std::size_t left;
+    int nearest;
+    float share;
+  };
+  std::vector<Column> columns_;
+  std::vector<float> line_;
+};
 
 /// The reverse: every factor-th pixel of a mask.
 inline void reduce_mask(const DynamicMask& mask, int factor, int width, int height, Image<float>& probability,
@@ -69,7 +86,7 @@ struct EvidenceMaskOptions {
   double depth_span = 0.4;   ///< ... and over which depth difference to its seed [m]
   int min_pixels = 24;       ///< smaller regions are dropped [small px]
   double min_area = 0.015;   ///< regions that are smaller in the world are dropped [m^2]
-  int dilation = 7;          ///< the mask is widened by this [px]
+  int dilation = 4;          ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("threshold", s.threshold, 0.0, 1.0);
@@ -107,7 +124,7 @@ class EvidenceMask {
     const auto area = static_cast<float>(1.0 / (camera.fx * camera.fy));
     remove_small(depth, area, options.min_pixels, static_cast<float>(options.min_area), labels_, scratch_);
     grow_region(depth, may_join_, options.reach, static_cast<float>(options.depth_span), labels_, scratch_);
-    fill_depth_holes(depth, 3, labels_, scratch_);
+    fill_depth_holes(depth, labels_, scratch_);
     wide_ = labels_;
     dilate(wide_, (options.dilation + factor / 2) / factor, dilation_scratch_);
     small_.resize(w, h);
@@ -116,7 +133,7 @@ class EvidenceMask {
       small_.data()[i] = wide_.data()[i] != 0 ? 1.0F : 0.0F;
       seen_.data()[i] = known.data()[i] != 0 || wide_.data()[i] != 0 ? 1 : 0;
     }
-    enlarge(small_, seen_, factor, width, height, out);
+    enlarge_(small_, seen_, factor, width, height, out);
   }
 
   /// The last regions before they were widened, small.
@@ -129,6 +146,7 @@ class EvidenceMask {
   Image<std::uint8_t> wide_;
   Image<std::uint8_t> seen_;
   Image<float> small_;
+  MaskEnlarger enlarge_;
   RegionScratch scratch_;
   std::vector<std::uint8_t> dilation_scratch_;
 };

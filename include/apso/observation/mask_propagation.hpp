@@ -67,7 +67,7 @@ class MaskPropagation {
     } else {
       carry(tracks);
       move_boxes(tracks);
-      enlarge(mask_, known_, factor_, camera_.width, camera_.height, out);
+      enlarge_(mask_, known_, factor_, camera_.width, camera_.height, out);
     }
     std::swap(depth_, previous_depth_);
   }
@@ -223,6 +223,7 @@ class MaskPropagation {
   Image<int> look_region_;
   std::vector<Region> regions_;
   RegionScratch scratch_;
+  MaskEnlarger enlarge_;
   std::vector<float> du_;
   std::vector<float> dv_;
   std::vector<float> dz_;

@@ -131,9 +131,9 @@ inline void remove_small(const Image<float>& depth, float area_of_pixel, int min
       });
 }
 
-/// Gives holes of the depth image the label of what surrounds them: a hole whose rim is mostly dynamic becomes
-/// dynamic as a whole, any other only up to `reach` pixels from a dynamic pixel (the shadow beside a person).
-inline void fill_depth_holes(const Image<float>& depth, int reach, Image<std::uint8_t>& mask, RegionScratch& scratch) {
+/// Fills holes of the depth image that lie in the mask: a hole whose rim is mostly dynamic becomes dynamic as a whole.
+/// The shadow of the sensor beside a body does not: it shows background.
+inline void fill_depth_holes(const Image<float>& depth, Image<std::uint8_t>& mask, RegionScratch& scratch) {
   const int w = depth.width();
   const int h = depth.height();
   for_each_component(
@@ -158,29 +158,6 @@ inline void fill_depth_holes(const Image<float>& depth, int reach, Image<std::ui
           for (const int* k = first; k != last; ++k) mask.data()[*k] = 1;
         }
       });
-  auto& queue = scratch.queue;
-  queue.clear();
-  scratch.distance.assign(w, h, 0);
-  for (int i = 0; i < w * h; ++i) {
-    if (mask.data()[i] != 0) queue.push_back(i);
-  }
-  for (std::size_t k = 0; k < queue.size(); ++k) {
-    const int i = queue[k];
-    const int step = scratch.distance.data()[i] + 1;
-    if (step > reach || step >= 255) continue;
-    const auto visit = [&](int j) {
-      if (mask.data()[j] != 0 || depth.data()[j] > 0) return;
-      mask.data()[j] = 1;
-      scratch.distance.data()[j] = static_cast<std::uint8_t>(step);
-      queue.push_back(j);
-    };
-    const int x = i % w;
-    const int y = i / w;
-    if (x > 0) visit(i - 1);
-    if (x + 1 < w) visit(i + 1);
-    if (y > 0) visit(i - w);
-    if (y + 1 < h) visit(i + w);
-  }
 }
 
 APSO_NAMESPACE_END

@@ -5,15 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
 #include <utility>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/observation/carried_log_odds.hpp>
 #include <apso/observation/evidence_mask.hpp>
 #include <apso/observation/motion_policy.hpp>
 #include <apso/observation/small_frame.hpp>
@@ -37,8 +35,7 @@ struct TemporalFilterOptions {
   }
 };
 
-/// Log-odds per pixel of a small image. The past of a pixel is that of the surface it shows: it is looked up where the
-/// point was in the last frame, if the depth there fits; without depth, at the same pixel.
+/// What frames say about the pixels of a small image, one after the other.
 class TemporalEvidence {
  public:
   explicit TemporalEvidence(const TemporalFilterOptions& options = {}) : options_(options) {
@@ -51,68 +48,32 @@ class TemporalEvidence {
   /// \param known in: 1 where this frame says anything; out: where any frame still does, elsewhere the probability is 0
   void update(const Image<float>& depth, const Pinhole& camera, const Pose& T_world_camera, double dt,
               Image<float>& probability, Image<std::uint8_t>& known) {
-    const int w = depth.width();
-    const int h = depth.height();
-    const bool has_past = past_.width() == w && past_.height() == h;
-    log_odds_.resize(w, h);
-    const Pose T = has_past ? Pose(inverse(T_world_past_) * T_world_camera) : Pose::Identity();
-    const Eigen::Matrix3f R = T.linear().cast<float>();
-    const Eigen::Vector3f t = T.translation().cast<float>();
-    const auto fx = static_cast<float>(camera.fx);
-    const auto fy = static_cast<float>(camera.fy);
-    const auto cx = static_cast<float>(camera.cx);
-    const auto cy = static_cast<float>(camera.cy);
     const auto keep_seen = static_cast<float>(options_.persistence);
     const auto keep_blind = static_cast<float>(std::exp(-std::max(0.0, dt) / options_.hold));
     const auto step = static_cast<float>(options_.step);
     const auto limit = static_cast<float>(options_.limit);
-    for (int y = 0; y < h; ++y) {
-      for (int x = 0; x < w; ++x) {
-        const float z = depth(x, y);
-        float past = 0;
-        if (has_past && z > 0) {
-          const Eigen::Vector3f ray((static_cast<float>(x) - cx) / fx, (static_cast<float>(y) - cy) / fy, 1.0F);
-          const Eigen::Vector3f p = z * (R * ray) + t;
-          if (p.z() > 0.05F) {
-            const float u = fx * p.x() / p.z() + cx + 0.5F;
-            const float v = fy * p.y() / p.z() + cy + 0.5F;
-            if (u >= 0 && v >= 0 && u < static_cast<float>(w) && v < static_cast<float>(h)) {
-              const int iu = static_cast<int>(u);
-              const int iv = static_cast<int>(v);
-              if (std::abs(past_depth_(iu, iv) - p.z()) < 0.1F + 3.0F * depth_sigma(z)) past = past_(iu, iv);
-            }
-          }
-        } else if (has_past && !(past_depth_(x, y) > 0)) {
-          past = past_(x, y);
-        }
-        float& p = probability(x, y);
-        std::uint8_t& k = known(x, y);
-        float now = 0;
-        if (k != 0) {
-          const float q = p >= 0.01F ? std::min(p, 0.99F) : 0.01F;
-          now = std::clamp(std::log(q / (1.0F - q)), -step, step);
-        }
-        const float l = std::clamp((k != 0 ? keep_seen : keep_blind) * past + now, -limit, limit);
-        log_odds_(x, y) = l;
-        k = k != 0 || std::abs(l) > 0.4F ? 1 : 0;
-        p = k != 0 ? 1.0F / (1.0F + std::exp(-l)) : 0.0F;
+    carried_.update(depth, camera, T_world_camera, [&](int x, int y, float past) {
+      float& p = probability(x, y);
+      std::uint8_t& k = known(x, y);
+      float now = 0;
+      if (k != 0) {
+        const float q = p >= 0.01F ? std::min(p, 0.99F) : 0.01F;
+        now = std::clamp(std::log(q / (1.0F - q)), -step, step);
       }
-    }
-    std::swap(past_, log_odds_);
-    past_depth_ = depth;
-    T_world_past_ = T_world_camera;
+      const float l = std::clamp((k != 0 ? keep_seen : keep_blind) * past + now, -limit, limit);
+      k = k != 0 || std::abs(l) > 0.4F ? 1 : 0;
+      p = k != 0 ? 1.0F / (1.0F + std::exp(-l)) : 0.0F;
+      return l;
+    });
   }
 
   /// Corrects the pose of the last frame, once it is final.
-  void correct(const Pose& T_world_camera) { T_world_past_ = T_world_camera; }
-  void reset() { past_.resize(0, 0); }
+  void correct(const Pose& T_world_camera) { carried_.correct(T_world_camera); }
+  void reset() { carried_.reset(); }
 
  private:
   TemporalFilterOptions options_;
-  Image<float> log_odds_;
-  Image<float> past_;
-  Image<float> past_depth_;
-  Pose T_world_past_ = Pose::Identity();
+  CarriedLogOdds carried_;
 };
 
 /// A policy around another one that makes its mask steady: single frames with and without a mark are smoothed away.
@@ -131,7 +92,7 @@ class TemporalFilter {
     reduce_depth(frame.depth, factor_, DepthRange{0.05F, 100.0F}, small_.width, small_.height, depth_);
     reduce_mask(out, factor_, small_.width, small_.height, probability_, known_);
     evidence_.update(depth_, small_, T_world_camera_prior, dt, probability_, known_);
-    enlarge(probability_, known_, factor_, camera_.width, camera_.height, out);
+    enlarge_(probability_, known_, factor_, camera_.width, camera_.height, out);
   }
   void remember(const RgbdFrame& frame, const Pose& T_world_camera, const DynamicMask& mask) {
     inner_.remember(frame, T_world_camera, mask);
@@ -151,6 +112,7 @@ class TemporalFilter {
   TemporalEvidence evidence_;
   int factor_;
   FrameClock clock_;
+  MaskEnlarger enlarge_;
   Image<float> depth_;
   Image<float> probability_;
   Image<std::uint8_t> known_;
