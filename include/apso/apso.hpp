@@ -33,6 +33,7 @@
 #include <apso/observation/motion_policy.hpp>
 #include <apso/observation/multiview_depth.hpp>
 #include <apso/observation/objects.hpp>
+#include <apso/observation/past_comparison.hpp>
 #include <apso/observation/policy_expression.hpp>
 #include <apso/observation/region_growing.hpp>
 #include <apso/observation/residual_motion.hpp>

@@ -16,11 +16,9 @@
 
 #include <apso/config.hpp>
 #include <apso/observation/dynamic_mask.hpp>
-#include <apso/observation/evidence_mask.hpp>
 #include <apso/observation/low_res_alignment.hpp>
+#include <apso/observation/past_comparison.hpp>
 #include <apso/observation/small_frame.hpp>
-#include <apso/observation/temporal_filter.hpp>
-#include <apso/observation/view_history.hpp>
 #include <apso/options.hpp>
 #include <apso/types/track.hpp>
 
@@ -151,12 +149,9 @@ inline void solve_rest(const std::vector<float>& d, const std::vector<float>& p,
   }
 }
 
-struct ClusterResidualOptions {
-  int width = 160;            ///< width of the images that are worked on [px]
-  DepthRange depth;           ///< depth that is used
+struct ClusterResidualOptions : PastComparisonOptions {
   int columns = 6;            ///< clusters across
   int rows = 4;               ///< clusters down
-  double span = 0.2;          ///< age of the frame that is compared with [s]
   int rounds = 3;             ///< how often pose and probabilities are solved in turn
   double lambda_prior = 0.5;  ///< weight of the prior of a cluster
   double lambda_smooth = 0.35;///< weight of the agreement of neighbours
@@ -164,19 +159,15 @@ struct ClusterResidualOptions {
   double reference = 1.5;     ///< a cluster moves when its cost is above this multiple of the mean of resting ones
   double least_cost = 0.8;    ///< ... or of this cost, if the mean is smaller
   LowResAlignmentOptions alignment;
-  TemporalFilterOptions filter;
-  EvidenceMaskOptions mask;
   ClusterResidualOptions() {
     mask.reach = 0;  // clusters are regions already
     alignment.iterations = 4;
   }
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
-    v("width", s.width, 16, 4096);
-    v("depth", s.depth);
+    PastComparisonOptions::fields(s, v);
     v("columns", s.columns, 1, 8);
     v("rows", s.rows, 1, 8);
-    v("span", s.span, 0.0, 10.0);
     v("rounds", s.rounds, 1, 20);
     v("lambda_prior", s.lambda_prior, 1e-3, 100.0);
     v("lambda_smooth", s.lambda_smooth, 0.0, 100.0);
@@ -184,8 +175,6 @@ struct ClusterResidualOptions {
     v("reference", s.reference, 1.0, 100.0);
     v("least_cost", s.least_cost, 0.01, 100.0);
     v("alignment", s.alignment);
-    v("filter", s.filter);
-    v("mask", s.mask);
   }
 };
 
@@ -195,43 +184,23 @@ struct ClusterResidualOptions {
 class ClusterResidual {
  public:
   explicit ClusterResidual(const Pinhole& camera, const ClusterResidualOptions& options = {})
-      : camera_(camera), options_(options), filter_(options.filter), history_(options.span) {
-    camera.validate();
+      : options_(options), comparison_(camera, options) {
     validate(options, "cluster_residual");
-    factor_ = reduction_factor(camera, options.width);
-    small_ = reduced_camera(camera, factor_);
   }
 
   void observe(const RgbdFrame& frame, const Pose& T_world_camera_prior, const std::vector<PointTrack>&,
                DynamicMask& out) {
-    expects(frame.depth.width == camera_.width && frame.depth.height == camera_.height &&
-                frame.intensity.width == camera_.width && frame.intensity.height == camera_.height,
-            "ClusterResidual: the images do not have the size of the camera");
-    const double dt = clock_.tick(frame.timestamp);
-    current_.time = clock_.now();
-    current_.T_world_camera = T_world_camera_prior;
-    reduce_frame(frame, factor_, options_.depth, small_, current_);
-    probability_.assign(small_.width, small_.height, 0.0F);
-    known_.assign(small_.width, small_.height, 0);
-    history_.forget_before(current_.time - 2.0);
-    if (const SmallFrame* past = history_.reference(current_.time)) {
-      cluster_points(current_.depth, small_, options_.columns, options_.rows, 4, clusters_);
-      solve(*past, inverse(past->T_world_camera) * T_world_camera_prior);
-    }
-    filter_.update(current_.depth, small_, T_world_camera_prior, dt, probability_, known_);
-    maker_.make(current_.depth, probability_, known_, small_, factor_, camera_.width, camera_.height, options_.mask, out);
+    const auto compare = [this](const SmallFrame& current, const SmallFrame& past, const Pose& T_prior,
+                                Image<float>& probability, Image<std::uint8_t>& known) {
+      cluster_points(current.depth, comparison_.small_camera(), options_.columns, options_.rows, 4, clusters_);
+      solve(current, past, T_prior);
+      mark(probability, known);
+    };
+    comparison_.observe(frame, T_world_camera_prior, compare, out);
   }
-  void remember(const RgbdFrame&, const Pose& T_world_camera, const DynamicMask&) {
-    if (current_.depth.empty()) return;
-    current_.T_world_camera = T_world_camera;
-    filter_.correct(T_world_camera);
-    history_.add(current_);
-  }
+  void remember(const RgbdFrame&, const Pose& T_world_camera, const DynamicMask&) { comparison_.remember(T_world_camera); }
   void reset() {
-    history_.clear();
-    filter_.reset();
-    clock_ = {};
-    current_ = {};
+    comparison_.reset();
     rest_.clear();
   }
 
@@ -240,19 +209,18 @@ class ClusterResidual {
   [[nodiscard]] const std::vector<float>& rest() const { return rest_; }
 
  private:
-  void solve(const SmallFrame& past, const Pose& T_prior) {
+  void solve(const SmallFrame& current, const SmallFrame& past, const Pose& T_prior) {
+    const Pinhole& camera = comparison_.small_camera();
     const std::size_t k = clusters_.centre.size();
     rest_.assign(k, 1.0F);
-    Pose T = T_prior;
     for (int round = 0; round < options_.rounds; ++round) {
-      weight_.resize(small_.width, small_.height);
+      weight_.resize(camera.width, camera.height);
       for (std::size_t i = 0; i < weight_.size(); ++i) {
         const std::uint8_t c = clusters_.label.data()[i];
         weight_.data()[i] = c == PointClusters::kNone ? 0.0F : rest_[c];
       }
-      const LowResAlignment a = align_low_res(current_, past, small_, T_prior, &weight_, options_.alignment, scratch_);
-      T = a.T_past_current;
-      measure(past, T);
+      const LowResAlignment a = align_low_res(current, past, camera, T_prior, &weight_, options_.alignment, scratch_);
+      measure(current, past, a.T_past_current);
       double sum = 0;
       double n = 0;
       for (std::size_t i = 0; i < k; ++i) {
@@ -268,16 +236,20 @@ class ClusterResidual {
       }
       solve_rest(benefit_, prior_, clusters_.neighbours, options_.lambda_prior, options_.lambda_smooth, rest_);
     }
-    for (std::size_t i = 0; i < weight_.size(); ++i) {
+  }
+
+  void mark(Image<float>& probability, Image<std::uint8_t>& known) const {
+    for (std::size_t i = 0; i < probability.size(); ++i) {
       const std::uint8_t c = clusters_.label.data()[i];
       if (c == PointClusters::kNone || 4 * seen_[c] < clusters_.size[c]) continue;  // mostly not seen then: unknown
-      probability_.data()[i] = 1.0F - rest_[c];
-      known_.data()[i] = 1;
+      probability.data()[i] = 1.0F - rest_[c];
+      known.data()[i] = 1;
     }
   }
 
   // Mean Cauchy cost and mean difference of depth of each cluster.
-  void measure(const SmallFrame& past, const Pose& T) {
+  void measure(const SmallFrame& current, const SmallFrame& past, const Pose& T) {
+    const Pinhole& camera = comparison_.small_camera();
     const std::size_t k = clusters_.centre.size();
     cost_.assign(k, 0.0F);
     change_.assign(k, 0.0F);
@@ -288,10 +260,10 @@ class ClusterResidual {
     const Eigen::Vector3f t = T.translation().cast<float>();
     constexpr float c = 2.3849F;
     WarpedPixel p;
-    for (int y = 0; y < small_.height; ++y) {
-      for (int x = 0; x < small_.width; ++x) {
+    for (int y = 0; y < camera.height; ++y) {
+      for (int x = 0; x < camera.width; ++x) {
         const std::uint8_t i = clusters_.label(x, y);
-        if (i == PointClusters::kNone || !warp_pixel(current_, x, y, past, small_, R, t, options_.alignment, p)) continue;
+        if (i == PointClusters::kNone || !warp_pixel(current, x, y, past, camera, R, t, options_.alignment, p)) continue;
         const float d = p.r_depth / p.sigma_depth;
         if (d < -4.0F) continue;  // uncovered: says nothing about the point
         const float g = p.r_intensity / p.sigma_intensity;
@@ -307,15 +279,8 @@ class ClusterResidual {
     }
   }
 
-  Pinhole camera_;
-  Pinhole small_;
   ClusterResidualOptions options_;
-  int factor_ = 1;
-  FrameClock clock_;
-  SmallFrame current_;
-  TemporalEvidence filter_;
-  ViewHistory history_;
-  EvidenceMask maker_;
+  PastComparison comparison_;
   PointClusters clusters_;
   std::vector<float> rest_;
   std::vector<float> cost_;
@@ -324,8 +289,6 @@ class ClusterResidual {
   std::vector<float> prior_;
   std::vector<int> seen_;
   Image<float> weight_;
-  Image<float> probability_;
-  Image<std::uint8_t> known_;
   std::vector<float> scratch_;
 };
 
