@@ -213,6 +213,9 @@ class FeatureTracker {
     if (frame_number_ > 1 && dt > 0 && !result_.relocalised) {
       step_ = inverse(T_world_previous_) * normalized(T_world_camera);
       step_time_ = dt;
+      // What was only predicted fades: a camera that is lost is sooner found near the place where it was seen last.
+      const bool guessed = !result_.ok && (T_world_camera.matrix() - T_world_predicted_.matrix()).norm() < 1e-9;
+      if (guessed) step_ = se3_exp(Twist(0.8 * se3_log(step_)));
     } else {
       step_ = Pose::Identity();
       step_time_ = 0;

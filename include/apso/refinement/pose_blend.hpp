@@ -25,8 +25,9 @@ constexpr std::array<const char*, 3> enum_names(BlendForm) { return {"screw_line
 
 struct BlendOptions {
   double mu = 2.0;                ///< how fast the weight of the feature pose falls with the change score
-  BlendForm form = BlendForm::ScrewLinear;
-  double gate_translation = 0.30; ///< poses farther apart are not blended, the one nearer to the prediction is kept [m]
+  BlendForm form = BlendForm::InformationWeighted;
+  double gate_translation = 0.30; ///< poses farther apart are not blended: the direct one is taken if it is trusted
+                                  ///< (c_dir > 0.5) and nearer to the prediction, else the feature pose [m]
   double gate_rotation = 20.0 * 3.14159265358979323846 / 180.0;  ///< the same for the rotation [rad]
   double sigma_translation = 0.15;                               ///< unit of distance to the prediction [m]
   double sigma_rotation = 10.0 * 3.14159265358979323846 / 180.0; ///< [rad]
@@ -109,7 +110,8 @@ struct Blend {
   const Twist xi = se3_log(inverse(T_direct) * T_feature);
   if (xi.head<3>().norm() > o.gate_translation || xi.tail<3>().norm() > o.gate_rotation) {
     b.gated = true;
-    const bool direct = motion_distance(T_direct, T_predicted, o.sigma_translation, o.sigma_rotation) <
+    const bool direct = c_dir > 0.5 &&
+                        motion_distance(T_direct, T_predicted, o.sigma_translation, o.sigma_rotation) <
                         motion_distance(T_feature, T_predicted, o.sigma_translation, o.sigma_rotation);
     b.w_eff = direct ? 0.0 : 1.0;
     b.T_world_camera = direct ? T_direct : T_feature;

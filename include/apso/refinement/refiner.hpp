@@ -33,9 +33,10 @@ struct RefinerOptions {
   double usual_scale_depth = 1.1;       ///< start value of the running median on good frames
   int scale_every = 5;                  ///< good frames between two measurements of the usual scales; 0 = never
   int median_window = 60;               ///< samples of the running medians
-  double velocity_factor = 3.0;         ///< a direct pose that moves this many times the median speed
-  double velocity_translation = 0.02;   ///< plus this [m]
-  double velocity_rotation = 1.5 * 3.14159265358979323846 / 180.0;  ///< or this [rad] is not believed
+  double velocity_factor = 3.0;         ///< a direct pose that moves from the last trusted one faster than this many
+                                        ///< times the median speed
+  double velocity_translation = 1.5;    ///< plus this [m/s]
+  double velocity_rotation = 600.0 * 3.14159265358979323846 / 180.0;  ///< or this [rad/s] is not believed
   int velocity_samples = 5;             ///< speeds needed before the gate is used
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
@@ -52,7 +53,7 @@ struct RefinerOptions {
     v("median_window", s.median_window, 1, 100000);
     v("velocity_factor", s.velocity_factor, 0.0, 1e6);
     v("velocity_translation", s.velocity_translation, 0.0, 1e6);
-    v("velocity_rotation", s.velocity_rotation, 0.0, 4.0);
+    v("velocity_rotation", s.velocity_rotation, 0.0, 1e6);
     v("velocity_samples", s.velocity_samples, 1, 100000);
   }
 };
@@ -131,8 +132,6 @@ class Refiner {
                                     : (is_finite(in.T_world_predicted) ? in.T_world_predicted : in.T_world_previous);
     r.T_world_camera = r.T_world_direct = T_guess;
     r.w_diff = feature_ok ? difference_weight(in.S_change, options_.blend.mu) : 0.0;
-    const double dt = seconds_since_last(in.frame.timestamp);
-    last_timestamp_ = in.frame.timestamp;
     last_good_ = false;
     if (!is_finite(T_guess)) {
       r.T_world_camera = r.T_world_direct = Pose::Identity();
@@ -162,7 +161,7 @@ class Refiner {
     r.status = r.alignment.status;
     if (!succeeded(r.status)) return r;
     r.T_world_direct = r.alignment.T_world_camera;
-    r.too_fast = too_fast(in.T_world_previous, r.T_world_direct, dt);
+    r.too_fast = too_fast(r.T_world_direct, in.frame.timestamp);
     if (!r.too_fast) {
       r.c_dir = direct_confidence(r.alignment, usual_scale_intensity(), usual_scale_depth(), options_.confidence);
     }
@@ -171,6 +170,7 @@ class Refiner {
         r.T_world_camera = r.T_world_direct;
         r.w_eff = 0;
       }
+      trust_if_sure(in.frame.timestamp);
       return r;
     }
     const Blend b = blend_poses(in.T_world_feature, r.T_world_direct,
@@ -180,20 +180,20 @@ class Refiner {
     r.w_diff = b.w_diff;
     r.w_eff = b.w_eff;
     r.gated = b.gated;
+    trust_if_sure(in.frame.timestamp);
     return r;
   }
 
   /// Takes in a good frame with its final pose: memory, usual speed, usual residual scales.
   void remember(const RgbdFrame& frame, ImageView<const float> dynamic_probability, const Pose& T_world_camera) {
     if (!is_finite(T_world_camera)) return;
-    const double dt = seconds_since_last(frame.timestamp);
+    const double dt = frame.timestamp - trusted_timestamp_;
     if (last_good_ && dt > 0) {
-      const Pose motion = inverse(T_world_last_good_) * T_world_camera;
+      const Pose motion = inverse(T_world_trusted_) * T_world_camera;
       speed_.add(motion.translation().norm() / dt);
       turn_.add(rotation_angle(motion) / dt);
     }
-    last_timestamp_ = frame.timestamp;
-    T_world_last_good_ = T_world_camera;
+    trust(T_world_camera, frame.timestamp);
     last_good_ = true;
 
     const bool store = memory_.wants(frame.timestamp, T_world_camera);
@@ -223,7 +223,7 @@ class Refiner {
     for (RunningMedian* m : {&speed_, &turn_, &scale_intensity_, &scale_depth_}) m->clear();
     good_frames_ = 0;
     last_good_ = false;
-    last_timestamp_ = -1;
+    trusted_ = false;
   }
 
   [[nodiscard]] const RefinerOptions& options() const { return options_; }
@@ -237,15 +237,23 @@ class Refiner {
   // The start value counts until there are enough measurements.
   static double usual(RunningMedian& m, double start) { return m.size() >= 3 ? m.median(start) : start; }
 
-  [[nodiscard]] double seconds_since_last(double timestamp) const {
-    return last_timestamp_ >= 0 ? std::max(0.0, timestamp - last_timestamp_) : 0.0;
+  void trust(const Pose& T_world_camera, double timestamp) {
+    T_world_trusted_ = T_world_camera;
+    trusted_timestamp_ = timestamp;
+    trusted_ = true;
   }
-  [[nodiscard]] bool too_fast(const Pose& T_previous, const Pose& T_direct, double dt) {
-    if (speed_.size() < options_.velocity_samples || !(dt > 0) || !is_finite(T_previous)) return false;
-    const Pose motion = inverse(T_previous) * T_direct;
-    const double f = options_.velocity_factor * dt;
-    return motion.translation().norm() > f * speed_.median(0) + options_.velocity_translation ||
-           rotation_angle(motion) > f * turn_.median(0) + options_.velocity_rotation;
+  void trust_if_sure(double timestamp) {
+    if (result_.c_dir > 0.5) trust(result_.T_world_direct, timestamp);
+  }
+  // Speed is measured from the last pose that was trusted, over the time since then: the poses between may be the wrong
+  // ones that are to be repaired, and against them the way back would look fast.
+  [[nodiscard]] bool too_fast(const Pose& T_direct, double timestamp) {
+    const double dt = timestamp - trusted_timestamp_;
+    if (!trusted_ || speed_.size() < options_.velocity_samples || !(dt > 0)) return false;
+    const Pose motion = inverse(T_world_trusted_) * T_direct;
+    const double f = options_.velocity_factor;
+    return motion.translation().norm() > dt * (f * speed_.median(0) + options_.velocity_translation) ||
+           rotation_angle(motion) > dt * (f * turn_.median(0) + options_.velocity_rotation);
   }
 
   Pinhole camera_;
@@ -257,8 +265,9 @@ class Refiner {
   std::vector<Pose> candidates_;
   RunningMedian speed_, turn_, scale_intensity_, scale_depth_;
   Refinement result_;
-  Pose T_world_last_good_ = Pose::Identity();
-  double last_timestamp_ = -1;
+  Pose T_world_trusted_ = Pose::Identity();
+  double trusted_timestamp_ = 0;
+  bool trusted_ = false;
   bool last_good_ = false;
   int good_frames_ = 0;
 };
