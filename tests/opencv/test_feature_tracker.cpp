@@ -163,10 +163,14 @@ TEST_CASE("after black frames it says so, keeps the prediction, and finds its pl
   const Wall wall;
   FeatureTracker tracker(kCamera, small());
   Run run;
+  Pose before = Pose::Identity();
   for (int i = 0; i < 15; ++i) {
     wall.render(path(i), run.gray, run.intensity, run.depth);
-    REQUIRE(run.step(tracker, i / 30.0).ok);
+    const FeatureResult r = run.step(tracker, i / 30.0);
+    REQUIRE(r.ok);
+    before = r.T_world_camera;
   }
+  double last = 0;
   for (int i = 15; i < 22; ++i) {
     run.gray.setTo(0);
     run.intensity.assign(kCamera.width, kCamera.height, 0.0F);
@@ -176,6 +180,10 @@ TEST_CASE("after black frames it says so, keeps the prediction, and finds its pl
     CHECK_FALSE(succeeded(r.status));
     CHECK(is_finite(r.T_world_camera));
     CHECK(r.T_world_camera.matrix() == r.T_world_predicted.matrix());
+    const double step = (inverse(before) * r.T_world_camera).translation().norm();
+    if (i > 15) CHECK(step == doctest::Approx(0.8 * last).epsilon(1e-3));  // a motion that is only guessed fades
+    last = step;
+    before = r.T_world_camera;
   }
   wall.render(path(5), run.gray, run.intensity, run.depth);  // a place seen before, far from the prediction
   const FeatureResult r = run.step(tracker, 22 / 30.0);

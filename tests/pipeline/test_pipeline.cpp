@@ -89,6 +89,31 @@ TEST_CASE("a frame without features is BAD, makes no keyframe, and its wrong pos
   CHECK(after < before);
 }
 
+TEST_CASE("wrong poses before do not make the way back look too fast") {
+  Host host("static_xyz", 0, quick_start());
+  for (int i = 0; i < 12; ++i) host.step(i);
+  Twist off = Twist::Zero();
+  off.head<3>() << 0.15, 0, 0;  // 4.5 m/s, from one frame to the next
+  for (int i = 12; i < 15; ++i) {
+    const FrameReport& r = host.step(i, se3_exp(off), true, 0.0F);
+    REQUIRE(r.state == SceneState::Bad);
+    CHECK_FALSE(r.refinement.too_fast);
+    CHECK((inverse(host.truth(i)) * r.T_world_camera).translation().norm() < 0.1 * off.head<3>().norm());
+  }
+}
+
+TEST_CASE("a jump that no camera makes is not believed") {
+  PipelineOptions o = quick_start();
+  o.refiner.velocity_translation = 0.01;
+  o.refiner.velocity_factor = 0.01;
+  Host host("static_xyz", 0, o);
+  for (int i = 0; i < 12; ++i) host.step(i);
+  const FrameReport& r = host.step(12, Pose::Identity(), true, 0.0F);
+  REQUIRE(r.state == SceneState::Bad);
+  CHECK(r.refinement.too_fast);
+  CHECK_FALSE(r.refined);
+}
+
 TEST_CASE("a frame without features and without refinement is LOST") {
   PipelineOptions o = quick_start();
   o.refinement = false;

@@ -233,4 +233,30 @@ TEST_CASE("iterations that ran out, directions that are open and images that dis
   worse = r;
   worse.scale_depth = 3;
   CHECK(direct_confidence(worse, .65, 1.1) < direct_confidence(r, .65, 1.1));
+  worse = r;
+  worse.covariance.diagonal().head<3>().setConstant(0.03 * 0.03);
+  CHECK(direct_confidence(worse, .65, 1.1) == 0);
+}
+
+TEST_CASE("brightness that blur and darkness change does not lower the confidence, unless it is asked to") {
+  AlignmentResult r;
+  r.status = Status::Converged;
+  r.valid_share = r.correlation = 1;
+  r.scale_intensity = .65;
+  r.scale_depth = 1.1;
+  AlignmentResult dark = r;
+  dark.scale_intensity = 6.5;
+  CHECK(direct_confidence(dark, .65, 1.1) == direct_confidence(r, .65, 1.1));
+  DirectConfidenceOptions both;
+  both.intensity_share = 0.5;
+  CHECK(direct_confidence(dark, .65, 1.1, both) == 0);
+  double last = 1;  // falls with each cue
+  for (const double sigma : {.008, .011, .013, .017, .019}) {
+    AlignmentResult vague = r;
+    vague.covariance.diagonal().head<3>().setConstant(sigma * sigma / 3);
+    const double c = direct_confidence(vague, .65, 1.1);
+    CHECK(c <= last);
+    CHECK((sigma < .01) == (c == doctest::Approx(1)));
+    last = c;
+  }
 }

@@ -43,6 +43,9 @@ TEST_CASE("without confidence the feature pose stays; two modes are not averaged
   const Blend b = blend_poses(Tf, Td, room::pose(.1, 0, 0, 0, 0, 0), 1.0, 1.0);
   CHECK(b.gated);
   CHECK((b.T_world_camera.matrix() - Td.matrix()).norm() == 0);
+  const Blend doubtful = blend_poses(Tf, Td, room::pose(.1, 0, 0, 0, 0, 0), 1.0, 0.4);
+  CHECK(doubtful.gated);
+  CHECK((doubtful.T_world_camera.matrix() - Tf.matrix()).norm() == 0);
 }
 
 TEST_CASE("the feature pose fills what the images leave open") {

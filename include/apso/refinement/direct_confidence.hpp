@@ -44,11 +44,16 @@ inline double ramp(double x, double zero, double one) {
 }
 }  // namespace detail
 
-/// c_dir = sqrt(rho_v) (1 - n_deg/6)^2 clamp01((u_high - u)/(u_high - u_low)) clamp01((r - r_low)/(r_high - r_low)), halved
-/// when the iterations ran out. u is the geometric mean of the two final robust scales relative to what they are on good
-/// frames, r the correlation of the images. The share of small residuals is of no use here: after scaling by the
-/// residuals themselves it rises when the alignment fails. The scales alone miss the pose that follows moving bodies in
-/// front of a bare wall; the images then no longer agree, which the correlation tells.
+/// c_dir = sqrt(rho_v) (1 - n_deg/6)^2 ramp(u) ramp(r) ramp(sigma), halved when the iterations ran out; each ramp falls
+/// from one to zero between the two limits of the options.
+/// - u: final robust scale of the depth residuals relative to what it is on good frames. That of the intensities is left
+///   out (`intensity_share`): blur, darkness and flashes raise it tenfold on frames whose direct pose is right to
+///   millimetres, and these are the frames that need it.
+/// - r: correlation of the images, which blur and brightness leave alone. It misses no pose that follows moving bodies in
+///   front of a bare wall, where the scales stay small.
+/// - sigma: standard deviation of the position. A pose that hangs on little, as along a wall or in a crowd, is not better
+///   than the feature pose even when all that is seen fits.
+/// The share of small residuals is of no use: after scaling by the residuals themselves it rises when alignment fails.
 /// \param usual_intensity,usual_depth the scales on good frames; unset (<= 0) gives 0
 [[nodiscard]] inline double direct_confidence(const AlignmentResult& r, double usual_intensity, double usual_depth,
                                               const DirectConfidenceOptions& o = {}) {
