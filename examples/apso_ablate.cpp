@@ -62,6 +62,11 @@ const auto& variants() {
   static const Variant list[] = {
       {"default", "everything as shipped", [](Config&) {}},
       {"no_refinement", "BAD frames are not repaired", [](Config& c) { c.pipeline.refinement = false; }},
+      {"screw_blend", "blend along the screw, one weight for all directions",
+       [](Config& c) { c.pipeline.refiner.blend.form = BlendForm::ScrewLinear; }},
+      {"one_reference", "alignment to one reference", [](Config& c) { c.pipeline.refiner.memory.references = 1; }},
+      {"both_scales", "brightness residuals count in c_dir as well",
+       [](Config& c) { c.pipeline.refiner.confidence.intensity_share = 0.5; }},
       {"no_motion", "nothing is masked", [](Config& c) { c.pipeline.motion = false; }},
       {"no_conf", "S_total without S_conf",
        [](Config& c) {

@@ -2,11 +2,14 @@
 /// The two plots of a run, drawn by gnuplot from data written through a pipe.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <memory>
 #include <string>
 #include <vector>
+
+#include <Eigen/Geometry>
 
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/pipeline/report.hpp>
@@ -46,15 +49,50 @@ inline std::string quoted(const std::string& path) {
   return s + "'";
 }
 
-/// Trajectories seen from above (x to the right, z forward of the first camera) and over time.
+/// The part of space that trajectories cover: the two axes along which they extend most, and a square around them.
+class BestView {
+ public:
+  explicit BestView(const std::vector<const apso::Trajectory*>& trajectories) {
+    Eigen::AlignedBox3d box;
+    for (const apso::Trajectory* t : trajectories) {
+      for (const auto& p : *t) box.extend(p.T_world_body.translation());
+    }
+    if (box.isEmpty()) return;
+    int flat = 1;  // y, which points down, unless another axis extends less
+    for (int i = 0; i < 3; ++i) {
+      if (box.sizes()[i] < box.sizes()[flat]) flat = i;
+    }
+    across = flat == 0 ? 1 : 0;
+    up = flat == 2 ? 1 : 2;
+    half = std::max(1e-3, 0.55 * std::max(box.sizes()[across], box.sizes()[up]));
+    centre = box.center();
+  }
+  /// Ranges, labels and the same scale on both axes.
+  void set(const Gnuplot& g) const {
+    const char* names[] = {"x", "y", "z"};
+    char text[200];
+    std::snprintf(text, sizeof text, "set xlabel '%s [m]'; set ylabel '%s [m]'; set size ratio -1", names[across], names[up]);
+    g(text);
+    std::snprintf(text, sizeof text, "set xrange [%.6g:%.6g]; set yrange [%.6g:%.6g]", centre[across] - half,
+                  centre[across] + half, centre[up] - half, centre[up] + half);
+    g(text);
+  }
+  int across = 0;
+  int up = 2;
+  double half = 1;
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+};
+
+/// Trajectories in the plane of their largest extent, and over time.
 inline void plot_trajectory(const std::string& file, const apso::Trajectory& truth, const apso::Trajectory& features,
                             const apso::Trajectory& final_poses, const std::string& title) {
   Gnuplot g;
-  g("set terminal pngcairo size 900,760 font 'sans,11' background rgb 'white'");
+  g("set terminal pngcairo size 900,1000 font 'sans,11' background rgb 'white'");
   g("set output " + quoted(file));
-  g("set title " + quoted(title) + " noenhanced");
   g("set multiplot layout 2,1");
+  g("set title " + quoted(title) + " noenhanced");
   g("set grid lc rgb '#dddddd'; set key outside right top");
+  const BestView view({&truth, &features, &final_poses});
   const double t0 = final_poses.empty() ? 0 : final_poses.front().timestamp;
   const auto rows = [&](const apso::Trajectory& t, bool over_time) {
     std::vector<std::vector<double>> r;
@@ -63,7 +101,7 @@ inline void plot_trajectory(const std::string& file, const apso::Trajectory& tru
       if (over_time) {
         r.push_back({p.timestamp - t0, x.x(), x.y(), x.z()});
       } else {
-        r.push_back({x.x(), x.z()});
+        r.push_back({x[view.across], x[view.up]});
       }
     }
     return r;
@@ -73,12 +111,12 @@ inline void plot_trajectory(const std::string& file, const apso::Trajectory& tru
   if (!truth.empty()) add("'-' using 1:2 with lines lw 3 lc rgb '#999999' title 'ground truth'");
   add("'-' using 1:2 with lines lw 1.5 lc rgb '#d95f02' title 'features only'");
   add("'-' using 1:2 with lines lw 1.5 lc rgb '#1b6ca8' title 'final'");
-  g("set xlabel 'x [m]'; set ylabel 'z [m]'; set size ratio -1");
+  view.set(g);
   g("plot " + curves);
   if (!truth.empty()) g.data(rows(truth, false));
   g.data(rows(features, false));
   g.data(rows(final_poses, false));
-  g("unset title; set size noratio; set xlabel 'time [s]'; set ylabel 'position [m]'");
+  g("unset title; set autoscale; set size noratio; set xlabel 'time [s]'; set ylabel 'position [m]'");
   curves.clear();
   if (!truth.empty()) {
     add("'-' using 1:2 with lines lw 3 lc rgb '#bbbbbb' title 'truth x, y, z'");

@@ -57,6 +57,22 @@ TEST_CASE("the feature pose fills what the images leave open") {
   CHECK(std::abs(T.translation().x()) < 1e-4);
 }
 
+TEST_CASE("the worse the features, the less their pose counts") {
+  Matrix6 information = Matrix6::Zero();
+  information.diagonal() << 1e4, 1e4, 1e4, 1e4, 1e4, 1e4;  // 1 cm
+  const Pose Tf = room::pose(.1, 0, 0, 0, 0, 0);
+  double last = .1;
+  for (const double S_feature : {1.0, .5, .2, .1, .02, 0.0, -1.0}) {
+    const double x = blend_poses(Tf, Pose::Identity(), .4, BlendForm::InformationWeighted, information, {}, S_feature)
+                         .translation()
+                         .x();
+    CHECK(x <= last);
+    CHECK(x >= 0);
+    last = x;
+  }
+  CHECK(last < 1e-3);
+}
+
 TEST_CASE("distance of a reference and its time decay") {
   Twist m = Twist::Zero();
   m(0) = .15;

@@ -84,6 +84,8 @@ inline const FrameReport& Pipeline::conclude() {
     input.T_world_previous = has_previous_ ? T_world_previous_ : features_.T_world_predicted;
     const MaybeDeviation& change = report_.assessment.S_change;
     input.S_change = change ? change->value() : 1.0;
+    const MaybeQuality& feature = report_.assessment.S_feature;
+    input.S_feature = feature ? feature->value() : 1.0;
     report_.refinement = refiner_.refine(input);
     report_.refined = succeeded(report_.refinement.status) && report_.refinement.c_dir > 0;
     if (report_.refined) report_.T_world_camera = report_.refinement.T_world_camera;

@@ -3,6 +3,7 @@
 /// that the paper prints is not a rigid motion; here the poses are joined along the screw between them.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -31,8 +32,9 @@ struct BlendOptions {
   double gate_rotation = 20.0 * 3.14159265358979323846 / 180.0;  ///< the same for the rotation [rad]
   double sigma_translation = 0.15;                               ///< unit of distance to the prediction [m]
   double sigma_rotation = 10.0 * 3.14159265358979323846 / 180.0; ///< [rad]
-  double feature_sigma_translation = 0.02;  ///< assumed for the feature pose by InformationWeighted [m]
-  double feature_sigma_rotation = 0.01;     ///< [rad]
+  double feature_sigma_translation = 0.005; ///< of the feature pose when S_feature is 1, for InformationWeighted; it
+                                            ///< grows with 1 / S_feature [m]
+  double feature_sigma_rotation = 0.0025;   ///< the same for the rotation [rad]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("mu", s.mu, 0.0, 100.0);
@@ -64,9 +66,11 @@ struct BlendOptions {
 
 /// Blend of two poses; w = 1 gives T_feature and w = 0 gives T_direct, bit by bit.
 /// \param direct_information of the increment (v, w) in the camera frame; used by InformationWeighted only
+/// \param S_feature quality of the features, (0,1]; used by InformationWeighted only
 [[nodiscard]] inline Pose blend_poses(const Pose& T_feature, const Pose& T_direct, double w,
                                       BlendForm form = BlendForm::ScrewLinear,
-                                      const Matrix6& direct_information = Matrix6::Zero(), const BlendOptions& o = {}) {
+                                      const Matrix6& direct_information = Matrix6::Zero(), const BlendOptions& o = {},
+                                      double S_feature = 1) {
   if (w >= 1) return T_feature;
   if (!(w > 0) && form != BlendForm::InformationWeighted) return T_direct;
   if (!(w > 0)) return T_direct;
@@ -81,8 +85,11 @@ struct BlendOptions {
   }
   // T_f = T_d Exp(xi); the increment d = -xi of T_c_w from the left has the given information, hence so has xi.
   Twist feature;
-  feature.head<3>().setConstant(1.0 / (o.feature_sigma_translation * o.feature_sigma_translation));
-  feature.tail<3>().setConstant(1.0 / (o.feature_sigma_rotation * o.feature_sigma_rotation));
+  const double quality = std::max(0.01, clamp01(S_feature));
+  const double sigma_t = o.feature_sigma_translation / quality;
+  const double sigma_r = o.feature_sigma_rotation / quality;
+  feature.head<3>().setConstant(1.0 / (sigma_t * sigma_t));
+  feature.tail<3>().setConstant(1.0 / (sigma_r * sigma_r));
   const Twist xi = se3_log(inverse(T_direct) * T_feature);
   Eigen::Matrix<double, 6, 6> A = (1 - w) * direct_information;
   A.diagonal() += w * feature;
@@ -101,7 +108,7 @@ struct Blend {
 /// \param T_predicted motion prediction, decides between poses that are too far apart
 [[nodiscard]] inline Blend blend_poses(const Pose& T_feature, const Pose& T_direct, const Pose& T_predicted,
                                        double S_change, double c_dir, const BlendOptions& o = {},
-                                       const Matrix6& direct_information = Matrix6::Zero()) {
+                                       const Matrix6& direct_information = Matrix6::Zero(), double S_feature = 1) {
   Blend b;
   b.w_diff = difference_weight(S_change, o.mu);
   b.w_eff = effective_weight(b.w_diff, c_dir);
@@ -117,7 +124,7 @@ struct Blend {
     b.T_world_camera = direct ? T_direct : T_feature;
     return b;
   }
-  b.T_world_camera = blend_poses(T_feature, T_direct, b.w_eff, o.form, direct_information, o);
+  b.T_world_camera = blend_poses(T_feature, T_direct, b.w_eff, o.form, direct_information, o, S_feature);
   return b;
 }
 

@@ -27,6 +27,7 @@ struct RefinerOptions {
   MemoryOptions memory;
   BlendOptions blend;
   DirectConfidenceOptions confidence;
+  double min_confidence = 0.1;          ///< a direct pose of less confidence is not used at all: far off, it drags all the same
   bool require_mask = true;             ///< no refinement of a dynamic frame when nobody knows what moves
   double dynamic_ratio_for_mask = 0.35; ///< dynamic ratio from which a mask is required
   double usual_scale_intensity = 0.65;  ///< start value of the running median on good frames
@@ -45,6 +46,7 @@ struct RefinerOptions {
     v("memory", s.memory);
     v("blend", s.blend);
     v("confidence", s.confidence);
+    v("min_confidence", s.min_confidence, 0.0, 1.0);
     v("require_mask", s.require_mask);
     v("dynamic_ratio_for_mask", s.dynamic_ratio_for_mask, 0.0, 1.0);
     v("usual_scale_intensity", s.usual_scale_intensity, 1e-6, 1e6);
@@ -113,6 +115,7 @@ class Refiner {
     Pose T_world_predicted = Pose::Identity();    ///< by constant velocity
     Pose T_world_previous = Pose::Identity();     ///< emitted for the previous frame
     double S_change = 0;                          ///< change score (a deviation), [0,1]
+    double S_feature = 1;                         ///< quality of the features, [0,1]
   };
 
   explicit Refiner(const Pinhole& camera, const RefinerOptions& options = {})
@@ -164,6 +167,7 @@ class Refiner {
     r.too_fast = too_fast(r.T_world_direct, in.frame.timestamp);
     if (!r.too_fast) {
       r.c_dir = direct_confidence(r.alignment, usual_scale_intensity(), usual_scale_depth(), options_.confidence);
+      if (r.c_dir < options_.min_confidence) r.c_dir = 0;
     }
     if (!feature_ok) {  // nothing to blend with: the direct pose, if it is believed at all
       if (r.c_dir > 0) {
@@ -175,7 +179,7 @@ class Refiner {
     }
     const Blend b = blend_poses(in.T_world_feature, r.T_world_direct,
                                 is_finite(in.T_world_predicted) ? in.T_world_predicted : in.T_world_previous,
-                                in.S_change, r.c_dir, options_.blend, r.alignment.information);
+                                in.S_change, r.c_dir, options_.blend, r.alignment.information, in.S_feature);
     r.T_world_camera = b.T_world_camera;
     r.w_diff = b.w_diff;
     r.w_eff = b.w_eff;
