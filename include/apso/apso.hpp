@@ -16,6 +16,7 @@
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/sampling.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
 #include <apso/observation/background_registration.hpp>
 #include <apso/observation/carried_log_odds.hpp>

@@ -88,24 +88,32 @@ template <class T>
   const double sa = std::max(1e-9, mad_scale_in_place(copy));
   copy = b;
   const double sb = std::max(1e-9, mad_scale_in_place(copy));
-  Eigen::Matrix2d sigma = Eigen::Vector2d(sa * sa, sb * sb).asDiagonal();
-  if (a.empty()) return sigma;
-  for (int i = 0; i < 50; ++i) {
-    const double determinant = sigma(0, 0) * sigma(1, 1) - sigma(0, 1) * sigma(1, 0);
-    Eigen::Matrix2d inverse;
-    inverse << sigma(1, 1), -sigma(0, 1), -sigma(1, 0), sigma(0, 0);
-    inverse /= determinant;
-    Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+  double s[3] = {sa * sa, 0, sb * sb};  // 00 01 11
+  for (int i = 0; i < 50 && !a.empty(); ++i) {
+    const double determinant = s[0] * s[2] - s[1] * s[1];
+    double sum[3] = {0, 0, 0};
     for (std::size_t j = 0; j < a.size(); ++j) {
-      const Eigen::Vector2d r(static_cast<double>(a[j]), static_cast<double>(b[j]));
-      sum += 7.0 / (5.0 + r.dot(inverse * r)) * r * r.transpose();
+      const auto x = static_cast<double>(a[j]);
+      const auto y = static_cast<double>(b[j]);
+      const double w = 7.0 / (5.0 + (s[2] * x * x - 2 * s[1] * x * y + s[0] * y * y) / determinant);
+      sum[0] += w * x * x;
+      sum[1] += w * x * y;
+      sum[2] += w * y * y;
     }
-    sum /= static_cast<double>(a.size());
-    sum += 1e-18 * Eigen::Matrix2d::Identity();
-    const bool done = (sum - sigma).norm() <= 1e-3 * sigma.norm();
-    sigma = sum;
+    double change[3];
+    for (int k = 0; k < 3; ++k) {
+      sum[k] = sum[k] / static_cast<double>(a.size()) + (k == 1 ? 0.0 : 1e-18);
+      change[k] = sum[k] - s[k];
+    }
+    const auto squares = [](const double* m) { return m[0] * m[0] + 2 * m[1] * m[1] + m[2] * m[2]; };
+    const bool done = squares(change) <= 1e-6 * squares(s);
+    for (int k = 0; k < 3; ++k) s[k] = sum[k];
     if (done) break;
   }
+  Eigen::Matrix2d sigma;
+  sigma(0, 0) = s[0];
+  sigma(0, 1) = sigma(1, 0) = s[1];
+  sigma(1, 1) = s[2];
   return sigma;
 }
 

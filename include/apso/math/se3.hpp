@@ -2,7 +2,7 @@
 /// Rigid motions: exponential, logarithm, screw-linear interpolation.
 ///
 /// T_a_b maps points of frame b into frame a. A twist is (v, w): translation [m] first, rotation [rad] second.
-/// Increments multiply from the left: T <- se3_exp(delta) * T.
+/// Increments multiply from the left: T <- compose(se3_exp(delta), T), which is se3_exp(delta) * T.
 #pragma once
 
 #include <cmath>
@@ -11,6 +11,7 @@
 #include <Eigen/Geometry>
 
 #include <apso/config.hpp>
+#include <apso/math/small_matrix.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -19,40 +20,165 @@ using Pose = Eigen::Transform<double, 3, Eigen::Isometry, Eigen::DontAlign>;
 using Twist = Eigen::Matrix<double, 6, 1, Eigen::DontAlign>;
 using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
 
+/// Rotation of a motion as a matrix.
+[[nodiscard]] inline Eigen::Matrix3d rotation(const Pose& T) {
+  Eigen::Matrix3d R;
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 3; ++i) R(i, j) = T(i, j);
+  }
+  return R;
+}
+
+/// Translation of a motion [m].
+[[nodiscard]] inline Eigen::Vector3d translation(const Pose& T) { return {T(0, 3), T(1, 3), T(2, 3)}; }
+
+/// The motion p -> R p + t.
+[[nodiscard]] inline Pose make_pose(const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
+  Pose T;
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 3; ++i) T(i, j) = R(i, j);
+    T(3, j) = 0;
+  }
+  for (int i = 0; i < 3; ++i) T(i, 3) = t(i);
+  T(3, 3) = 1;
+  return T;
+}
+
+/// T_a_b p_b, the point in frame a.
+[[nodiscard]] inline Eigen::Vector3d transform(const Pose& T, const Eigen::Vector3d& p) {
+  return {T(0, 0) * p(0) + T(0, 1) * p(1) + T(0, 2) * p(2) + T(0, 3),
+          T(1, 0) * p(0) + T(1, 1) * p(1) + T(1, 2) * p(2) + T(1, 3),
+          T(2, 0) * p(0) + T(2, 1) * p(1) + T(2, 2) * p(2) + T(2, 3)};
+}
+
+/// T_a_b T_b_c = T_a_c.
+[[nodiscard]] inline Pose compose(const Pose& T_a_b, const Pose& T_b_c) {
+  return make_pose(times(rotation(T_a_b), rotation(T_b_c)), transform(T_a_b, translation(T_b_c)));
+}
+
+/// A motion in float, for loops over pixels.
+struct FloatPose {
+  float R[3][3];
+  float t[3];
+  explicit FloatPose(const Pose& T) {
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) R[i][j] = static_cast<float>(T(i, j));
+      t[i] = static_cast<float>(T(i, 3));
+    }
+  }
+  /// R (x, y, z).
+  [[nodiscard]] Eigen::Vector3f rotate(float x, float y, float z) const {
+    return {R[0][0] * x + R[0][1] * y + R[0][2] * z, R[1][0] * x + R[1][1] * y + R[1][2] * z,
+            R[2][0] * x + R[2][1] * y + R[2][2] * z};
+  }
+  /// R (x, y, z) + t.
+  [[nodiscard]] Eigen::Vector3f operator()(float x, float y, float z) const {
+    return {R[0][0] * x + R[0][1] * y + R[0][2] * z + t[0], R[1][0] * x + R[1][1] * y + R[1][2] * z + t[1],
+            R[2][0] * x + R[2][1] * y + R[2][2] * z + t[2]};
+  }
+};
+
 /// Cross-product matrix: skew(a) b = a x b.
 [[nodiscard]] inline Eigen::Matrix3d skew(const Eigen::Vector3d& a) {
   Eigen::Matrix3d m;
-  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
+  m(0, 0) = m(1, 1) = m(2, 2) = 0;
+  m(2, 1) = a.x();
+  m(1, 2) = -a.x();
+  m(0, 2) = a.y();
+  m(2, 0) = -a.y();
+  m(1, 0) = a.z();
+  m(0, 1) = -a.z();
   return m;
+}
+
+/// q / |q|.
+[[nodiscard]] inline Eigen::Quaterniond unit(const Eigen::Quaterniond& q) {
+  const double n = std::sqrt(q.w() * q.w() + q.x() * q.x() + q.y() * q.y() + q.z() * q.z());
+  return n > 0 ? Eigen::Quaterniond(q.w() / n, q.x() / n, q.y() / n, q.z() / n) : q;
+}
+
+/// Rotation matrix of a unit quaternion.
+[[nodiscard]] inline Eigen::Matrix3d rotation(const Eigen::Quaterniond& q) {
+  const double w = q.w(), x = q.x(), y = q.y(), z = q.z();
+  Eigen::Matrix3d R;
+  R(0, 0) = 1 - 2 * (y * y + z * z);
+  R(0, 1) = 2 * (x * y - w * z);
+  R(0, 2) = 2 * (x * z + w * y);
+  R(1, 0) = 2 * (x * y + w * z);
+  R(1, 1) = 1 - 2 * (x * x + z * z);
+  R(1, 2) = 2 * (y * z - w * x);
+  R(2, 0) = 2 * (x * z - w * y);
+  R(2, 1) = 2 * (y * z + w * x);
+  R(2, 2) = 1 - 2 * (x * x + y * y);
+  return R;
+}
+
+/// Unit quaternion of the rotation of a motion, from the largest of its four components, which loses no digits
+/// (Shepperd, J. Guidance and Control 1978).
+[[nodiscard]] inline Eigen::Quaterniond quaternion(const Pose& T) {
+  double q[4];  // x, y, z, w
+  const double trace = T(0, 0) + T(1, 1) + T(2, 2);
+  if (trace > 0) {
+    double s = std::sqrt(trace + 1.0);
+    q[3] = 0.5 * s;
+    s = 0.5 / s;
+    q[0] = (T(2, 1) - T(1, 2)) * s;
+    q[1] = (T(0, 2) - T(2, 0)) * s;
+    q[2] = (T(1, 0) - T(0, 1)) * s;
+  } else {
+    int i = T(1, 1) > T(0, 0) ? 1 : 0;
+    if (T(2, 2) > T(i, i)) i = 2;
+    const int j = (i + 1) % 3;
+    const int k = (j + 1) % 3;
+    double s = std::sqrt(T(i, i) - T(j, j) - T(k, k) + 1.0);
+    q[i] = 0.5 * s;
+    s = 0.5 / s;
+    q[3] = (T(k, j) - T(j, k)) * s;
+    q[j] = (T(j, i) + T(i, j)) * s;
+    q[k] = (T(k, i) + T(i, k)) * s;
+  }
+  return {q[3], q[0], q[1], q[2]};
+}
+
+/// Rotation between two unit quaternions at constant angular velocity along the shorter way; s = 0 gives a, 1 gives b.
+[[nodiscard]] inline Eigen::Quaterniond slerp(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b, double s) {
+  const double d = a.w() * b.w() + a.x() * b.x() + a.y() * b.y() + a.z() * b.z();
+  const double cosine = std::abs(d);
+  double from = 1 - s;
+  double to = s;
+  if (cosine < 1 - 1e-15) {  // else the two are the same to rounding
+    const double theta = std::acos(cosine);
+    from = std::sin((1 - s) * theta) / std::sin(theta);
+    to = std::sin(s * theta) / std::sin(theta);
+  }
+  if (d < 0) to = -to;
+  return {from * a.w() + to * b.w(), from * a.x() + to * b.x(), from * a.y() + to * b.y(), from * a.z() + to * b.z()};
 }
 
 /// Rotation of the vector w (axis times angle [rad]) as a unit quaternion; exact near 0.
 [[nodiscard]] inline Eigen::Quaterniond so3_exp(const Eigen::Vector3d& w) {
-  const double theta2 = w.squaredNorm();
+  const double theta2 = squared_norm(w);
   const double theta = std::sqrt(theta2);
   // sin(theta/2)/theta, by its series where the quotient loses digits
   const double s = theta < 1e-4 ? 0.5 - theta2 / 48.0 : std::sin(0.5 * theta) / theta;
-  Eigen::Quaterniond q(std::cos(0.5 * theta), s * w.x(), s * w.y(), s * w.z());
-  q.normalize();
-  return q;
+  return unit({std::cos(0.5 * theta), s * w.x(), s * w.y(), s * w.z()});
 }
 
 /// Rotation vector of a unit quaternion, angle in [0, pi] [rad]; exact near 0 and near pi.
-[[nodiscard]] inline Eigen::Vector3d so3_log(const Eigen::Quaterniond& q_in) {
-  const double sign = q_in.w() < 0 ? -1.0 : 1.0;  // q and -q are the same rotation; take the short way
-  const Eigen::Vector3d v = sign * q_in.vec();
-  const double w = sign * q_in.w();
-  const double n = v.norm();
+[[nodiscard]] inline Eigen::Vector3d so3_log(const Eigen::Quaterniond& q) {
+  const double sign = q.w() < 0 ? -1.0 : 1.0;  // q and -q are the same rotation; take the short way
+  const double w = sign * q.w();
+  const double n = std::sqrt(q.x() * q.x() + q.y() * q.y() + q.z() * q.z());
   // 2 atan2(n, w) / n, by its series for small n: 2/w (1 - n^2/(3 w^2))
-  const double f = n < 1e-6 ? 2.0 / w * (1.0 - n * n / (3.0 * w * w)) : 2.0 * std::atan2(n, w) / n;
-  return f * v;
+  const double f = sign * (n < 1e-6 ? 2.0 / w * (1.0 - n * n / (3.0 * w * w)) : 2.0 * std::atan2(n, w) / n);
+  return {f * q.x(), f * q.y(), f * q.z()};
 }
 
 /// Exponential of a twist (v, w).
 [[nodiscard]] inline Pose se3_exp(const Twist& xi) {
-  const Eigen::Vector3d v = xi.head<3>();
-  const Eigen::Vector3d w = xi.tail<3>();
-  const double theta2 = w.squaredNorm();
+  const Eigen::Vector3d v(xi(0), xi(1), xi(2));
+  const Eigen::Vector3d w(xi(3), xi(4), xi(5));
+  const double theta2 = squared_norm(w);
   const double theta = std::sqrt(theta2);
   double a;  // (1 - cos)/theta^2
   double b;  // (theta - sin)/theta^3
@@ -64,19 +190,16 @@ using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
     a = 2.0 * s * s / theta2;
     b = (theta - std::sin(theta)) / (theta2 * theta);
   }
-  const Eigen::Vector3d wv = w.cross(v);
-  Pose T = Pose::Identity();
-  T.linear() = so3_exp(w).toRotationMatrix();
-  T.translation() = v + a * wv + b * w.cross(wv);
-  return T;
+  const Eigen::Vector3d wv = cross(w, v);
+  const Eigen::Vector3d wwv = cross(w, wv);
+  return make_pose(rotation(so3_exp(w)), plus(v, plus(times(a, wv), times(b, wwv))));
 }
 
 /// Logarithm of a rigid motion, rotation angle in [0, pi].
 [[nodiscard]] inline Twist se3_log(const Pose& T) {
-  const Eigen::Matrix3d R = T.linear();
-  const Eigen::Vector3d w = so3_log(Eigen::Quaterniond(R));
-  const Eigen::Vector3d t = T.translation();
-  const double theta2 = w.squaredNorm();
+  const Eigen::Vector3d w = so3_log(quaternion(T));
+  const Eigen::Vector3d t = translation(T);
+  const double theta2 = squared_norm(w);
   const double theta = std::sqrt(theta2);
   // V^-1 = I - 1/2 [w] + c [w]^2 with c = (1 - (theta/2) cot(theta/2)) / theta^2
   double c;
@@ -86,45 +209,47 @@ using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
     const double h = 0.5 * theta;
     c = (1.0 - h * std::cos(h) / std::sin(h)) / theta2;
   }
-  const Eigen::Vector3d wt = w.cross(t);
+  const Eigen::Vector3d wt = cross(w, t);
+  const Eigen::Vector3d wwt = cross(w, wt);
   Twist xi;
-  xi.head<3>() = t - 0.5 * wt + c * w.cross(wt);
-  xi.tail<3>() = w;
+  for (int i = 0; i < 3; ++i) {
+    xi(i) = t(i) - 0.5 * wt(i) + c * wwt(i);
+    xi(3 + i) = w(i);
+  }
   return xi;
 }
 
+/// Lengths of the two parts of a twist.
+[[nodiscard]] inline double translation_norm(const Twist& xi) { return std::sqrt(xi(0) * xi(0) + xi(1) * xi(1) + xi(2) * xi(2)); }
+[[nodiscard]] inline double rotation_norm(const Twist& xi) { return std::sqrt(xi(3) * xi(3) + xi(4) * xi(4) + xi(5) * xi(5)); }
+
 /// Inverse without a matrix factorisation.
 [[nodiscard]] inline Pose inverse(const Pose& T) {
-  Pose r = Pose::Identity();
-  r.linear() = T.linear().transpose();
-  r.translation() = -(T.linear().transpose() * T.translation());
+  Pose r;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) r(i, j) = T(j, i);
+    r(i, 3) = -(T(0, i) * T(0, 3) + T(1, i) * T(1, 3) + T(2, i) * T(2, 3));
+    r(3, i) = 0;
+  }
+  r(3, 3) = 1;
   return r;
 }
 
 /// Nearest rotation: removes the drift that products of many poses gather.
-[[nodiscard]] inline Pose normalized(const Pose& T) {
-  Pose r = T;
-  const Eigen::Matrix3d R = T.linear();
-  r.linear() = Eigen::Quaterniond(R).normalized().toRotationMatrix();
-  return r;
-}
+[[nodiscard]] inline Pose normalized(const Pose& T) { return make_pose(rotation(unit(quaternion(T))), translation(T)); }
 
 /// Rotation angle of a motion [rad], in [0, pi].
-[[nodiscard]] inline double rotation_angle(const Pose& T) {
-  const Eigen::Matrix3d R = T.linear();
-  return so3_log(Eigen::Quaterniond(R)).norm();
-}
+[[nodiscard]] inline double rotation_angle(const Pose& T) { return norm(so3_log(quaternion(T))); }
 
 /// True when every element is finite.
-[[nodiscard]] inline bool is_finite(const Pose& T) { return T.matrix().allFinite(); }
+[[nodiscard]] inline bool is_finite(const Pose& T) { return all_finite(T.matrix()); }
 
 /// Screw-linear interpolation T_0 Exp(s Log(T_0^-1 T_1)); s = 0 gives T_0 and s = 1 gives T_1 exactly.
 /// It is left- and right-invariant, so it does not matter whether T_w_c or T_c_w is blended.
 [[nodiscard]] inline Pose sclerp(const Pose& T_0, const Pose& T_1, double s) {
   if (s <= 0) return T_0;
   if (s >= 1) return T_1;
-  const Twist xi = s * se3_log(inverse(T_0) * T_1);
-  return T_0 * se3_exp(xi);
+  return compose(T_0, se3_exp(times(s, se3_log(compose(inverse(T_0), T_1)))));
 }
 
 APSO_NAMESPACE_END

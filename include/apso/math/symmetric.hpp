@@ -15,13 +15,24 @@
 
 APSO_NAMESPACE_BEGIN
 
+/// Adds a residual r with the row J of its Jacobian to normal equations.
+/// \param H lower triangle of sum weight J^T J; \param g sum weight r J
+template <class S, int N>
+void add_row(const S (&J)[N], S weight, S r, S (&H)[N][N], S (&g)[N]) {
+  for (int i = 0; i < N; ++i) {
+    const S wj = weight * J[i];
+    for (int j = 0; j <= i; ++j) H[i][j] += wj * J[j];
+    g[i] += wj * r;
+  }
+}
+
 /// Solves A X = B for a symmetric positive semidefinite A by A = P^T L D L^T P with the largest pivot first
 /// (Golub & Van Loan, Matrix Computations, 4.2.8). Only the lower triangle of A is read. Directions without any pivot
 /// get the solution 0, so a singular A gives a finite X; a NaN in A or B gives NaN.
 /// \param A N x N
 /// \param B N x columns
 template <int N, int Options, int Columns, int OptionsB>
-[[nodiscard]] Eigen::Matrix<double, N, Columns> solve_symmetric(const Eigen::Matrix<double, N, N, Options>& A,
+[[nodiscard]] Eigen::Matrix<double, N, Columns, OptionsB> solve_symmetric(const Eigen::Matrix<double, N, N, Options>& A,
                                                                 const Eigen::Matrix<double, N, Columns, OptionsB>& B) {
   static_assert(N > 0 && Columns > 0, "apso: solve_symmetric needs matrices of fixed size");
   double L[N][N];  // strictly lower: L; diagonal: D
@@ -57,7 +68,7 @@ template <int N, int Options, int Columns, int OptionsB>
       }
     }
   }
-  Eigen::Matrix<double, N, Columns> X;
+  Eigen::Matrix<double, N, Columns, OptionsB> X;
   for (int c = 0; c < Columns; ++c) {
     double x[N];
     for (int i = 0; i < N; ++i) {
@@ -79,23 +90,36 @@ template <int N, int Options, int Columns, int OptionsB>
   return X;
 }
 
-/// Eigenvalues in ascending order, and the eigenvectors as columns in the same order.
-template <int N>
-struct SymmetricEigen {
-  Eigen::Matrix<double, N, 1, Eigen::DontAlign> values;
-  Eigen::Matrix<double, N, N, Eigen::DontAlign> vectors;
-};
+/// Solves A x = b for a symmetric positive definite A of the first n rows and columns by A = L L^T (Golub & Van Loan
+/// 4.2.5). Only the lower triangle is read. A matrix that is not positive definite gives NaN.
+/// \param[in,out] A becomes L; \param[in,out] b becomes x
+template <class S, int N>
+void solve_definite(S (&A)[N][N], int n, S (&b)[N]) {
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      S sum = A[i][j];
+      for (int k = 0; k < j; ++k) sum -= A[i][k] * A[j][k];
+      A[i][j] = i == j ? std::sqrt(sum) : sum / A[j][j];
+    }
+    for (int k = 0; k < i; ++k) b[i] -= A[i][k] * b[k];
+    b[i] /= A[i][i];
+  }
+  for (int i = n - 1; i >= 0; --i) {
+    for (int k = i + 1; k < n; ++k) b[i] -= A[k][i] * b[k];
+    b[i] /= A[i][i];
+  }
+}
 
 /// Eigenvalues and orthonormal eigenvectors of a symmetric matrix by cyclic Jacobi rotations (Golub & Van Loan 8.5).
-/// Only the lower triangle is read. Accurate to a few roundings of the largest eigenvalue; NaN in gives NaN out.
-template <int N, int Options>
-[[nodiscard]] SymmetricEigen<N> eigen_symmetric(const Eigen::Matrix<double, N, N, Options>& A) {
-  static_assert(N > 0, "apso: eigen_symmetric needs a matrix of fixed size");
-  double a[N][N];
+/// Accurate to a few roundings of the largest eigenvalue; NaN in gives NaN out.
+/// \param[in,out] a only the lower triangle is read; overwritten
+/// \param[out] values in ascending order; \param[out] vectors as columns in the same order
+template <int N>
+void eigen_symmetric(double (&a)[N][N], double (&values)[N], double (&vectors)[N][N]) {
   double v[N][N];
   for (int i = 0; i < N; ++i) {
     for (int j = 0; j < N; ++j) {
-      a[i][j] = i >= j ? A(i, j) : A(j, i);
+      if (j > i) a[i][j] = a[j][i];
       v[i][j] = i == j ? 1.0 : 0.0;
     }
   }
@@ -136,10 +160,34 @@ template <int N, int Options>
   for (int i = 1; i < N; ++i) {
     for (int j = i; j > 0 && a[order[j]][order[j]] < a[order[j - 1]][order[j - 1]]; --j) std::swap(order[j], order[j - 1]);
   }
+  for (int i = 0; i < N; ++i) {
+    values[i] = a[order[i]][order[i]];
+    for (int k = 0; k < N; ++k) vectors[k][i] = v[k][order[i]];
+  }
+}
+
+/// Eigenvalues in ascending order, and the eigenvectors as columns in the same order.
+template <int N>
+struct SymmetricEigen {
+  Eigen::Matrix<double, N, 1, Eigen::DontAlign> values;
+  Eigen::Matrix<double, N, N, Eigen::DontAlign> vectors;
+};
+
+/// The same for a matrix of Eigen.
+template <int N, int Options>
+[[nodiscard]] SymmetricEigen<N> eigen_symmetric(const Eigen::Matrix<double, N, N, Options>& A) {
+  static_assert(N > 0, "apso: eigen_symmetric needs a matrix of fixed size");
+  double a[N][N];
+  double values[N];
+  double vectors[N][N];
+  for (int i = 0; i < N; ++i) {
+    for (int j = 0; j <= i; ++j) a[i][j] = A(i, j);
+  }
+  eigen_symmetric(a, values, vectors);
   SymmetricEigen<N> result;
   for (int i = 0; i < N; ++i) {
-    result.values(i) = a[order[i]][order[i]];
-    for (int k = 0; k < N; ++k) result.vectors(k, i) = v[k][order[i]];
+    result.values(i) = values[i];
+    for (int k = 0; k < N; ++k) result.vectors(k, i) = vectors[k][i];
   }
   return result;
 }
