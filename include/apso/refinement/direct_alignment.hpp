@@ -139,11 +139,11 @@ struct AlignmentReference {
 struct AlignmentResult {
   Status status = Status::NotRun;
   Pose T_world_camera = Pose::Identity();      ///< the first candidate if the status is a failure
-  Matrix6 information = Matrix6::Zero();       ///< of the increment (v, w) in the camera frame, T_c_w <- Exp(d) T_c_w
-  Matrix6 covariance = Matrix6::Zero();        ///< its inverse on the directions that are determined [m^2, m rad, rad^2]
-  Twist eigenvalues = Twist::Zero();           ///< of the scaled normal matrix, rising
+  Matrix6 information = zeros<Matrix6>();       ///< of the increment (v, w) in the camera frame, T_c_w <- Exp(d) T_c_w
+  Matrix6 covariance = zeros<Matrix6>();        ///< its inverse on the directions that are determined [m^2, m rad, rad^2]
+  Twist eigenvalues = zeros<Twist>();           ///< of the scaled normal matrix, rising
   int degenerate_count = 0;                    ///< directions that kept the initial guess
-  Matrix6 degenerate_projector = Matrix6::Zero(); ///< onto those directions, for twists scaled by (1/l, 1), l = median_depth
+  Matrix6 degenerate_projector = zeros<Matrix6>(); ///< onto those directions, for twists scaled by (1/l, 1), l = median_depth
   double median_depth = 0;                     ///< l [m]
   double valid_share = 0;                      ///< valid of selected pixels at the finest level
   double static_share = 1;                 ///< of the area, by the labels of the regions; 1 without labels
@@ -235,8 +235,8 @@ class DirectAligner {
 
   static AlignmentResult& fail(AlignmentResult& r, Status s) {
     r.status = s;
-    r.information.setZero();
-    r.covariance.setZero();
+    r.information = zeros<Matrix6>();
+    r.covariance = zeros<Matrix6>();
     return r;
   }
   static double share(const WarpCounts& c) {
@@ -395,7 +395,7 @@ class DirectAligner {
 
   [[nodiscard]] Warper warper(int level, const Term& t, const Pose& T_camera_world) const {
     const auto gate = static_cast<float>(std::pow(static_cast<double>(options_.warp.gate_growth), level));
-    return Warper(current_->level(level), T_camera_world * t.T_world_reference, t.light, options_.warp, options_.noise, gate,
+    return Warper(current_->level(level), compose(T_camera_world, t.T_world_reference), t.light, options_.warp, options_.noise, gate,
                   current_->background());
   }
 
@@ -449,9 +449,9 @@ class DirectAligner {
       PixelSums<double> sum{};
       const Term& t = terms_[k];
       for (std::size_t i = 0; i < t.sums[accepted_].size(); ++i) add(sum, t.sums[accepted_][i], t.labels[i]);
-      NormalEquations n = moved_to_left(sum.equations(), T_camera_world * terms_[k].T_world_reference);
-      n.H *= terms_[k].level_weight;
-      n.b *= terms_[k].level_weight;
+      NormalEquations n = moved_to_left(sum.equations(), compose(T_camera_world, terms_[k].T_world_reference));
+      n.H = times(terms_[k].level_weight, n.H);
+      n.b = times(terms_[k].level_weight, n.b);
       all += n;
     }
     return all;
@@ -606,13 +606,12 @@ class DirectAligner {
     }
     if (options_.prealign_rotation) {
       const Term& t = terms_.front();
-      const Pose found = rotation_search_(t.pyramid->level(level).pixels, current_->level(level), T * t.T_world_reference,
-                                          options_.prealign_iterations);
+      const Pose found = rotation_search_(t.pyramid->level(level).pixels, current_->level(level),
+                                          compose(T, t.T_world_reference), options_.prealign_iterations);
       // the camera turns about itself
-      Pose rotated = T;
-      const Eigen::Matrix3d turn = found.linear() * (T * t.T_world_reference).linear().transpose();
-      rotated.linear() = turn * T.linear();
-      rotated.translation() = turn * T.translation();
+      const Pose reference_world = inverse(compose(T, t.T_world_reference));
+      const Eigen::Matrix3d turn = times(rotation(found), rotation(reference_world));
+      const Pose rotated = compose(make_pose(turn, Eigen::Vector3d(0, 0, 0)), T);
       if (is_finite(rotated)) consider(normalized(rotated), static_cast<int>(candidates.size()));
     }
     return T;
@@ -629,19 +628,27 @@ class DirectAligner {
     return weight > 0 && sum > 0 ? sum / weight : 1.0;
   }
 
+  // Units that make translation and rotation comparable: a twist is D times a scaled twist.
+  [[nodiscard]] static Twist unit_twist(double depth) {
+    Twist D;
+    for (int i = 0; i < 6; ++i) D(i) = i < 3 ? depth : 1.0;
+    return D;
+  }
+  // Identity minus P.
+  [[nodiscard]] static Matrix6 complement(const Matrix6& P) { return minus(identity<Matrix6>(), P); }
+
   // Which directions the normal equations determine; P projects scaled twists onto the others.
-  int degenerate(const Matrix6& H, double depth, Eigen::Matrix<double, 6, 6>& P, Twist* eigenvalues) const {
-    Eigen::Matrix<double, 6, 1> D;
-    D << depth, depth, depth, 1, 1, 1;
-    const Eigen::Matrix<double, 6, 6> scaled = D.asDiagonal() * H * D.asDiagonal();
-    const SymmetricEigen<6> eigen = eigen_symmetric(scaled);
-    P.setZero();
+  int degenerate(const Matrix6& H, double depth, Matrix6& P, Twist* eigenvalues) const {
+    const SymmetricEigen<6> eigen = eigen_symmetric(scaled_both(unit_twist(depth), H));
+    P = zeros<Matrix6>();
     int count = 0;
     const double largest = eigen.values(5);
     for (int i = 0; i < 6; ++i) {
       const double value = eigen.values(i);
       if (value < options_.degenerate_ratio * largest || value < options_.degenerate_floor) {
-        P += eigen.vectors.col(i) * eigen.vectors.col(i).transpose();
+        for (int r = 0; r < 6; ++r) {
+          for (int c = 0; c < 6; ++c) P(r, c) += eigen.vectors(r, i) * eigen.vectors(c, i);
+        }
         ++count;
       }
     }
@@ -651,20 +658,18 @@ class DirectAligner {
 
   void add_prior(const Pose& T_guess, const Pose& T, NormalEquations& n) const {
     if (!(options_.prior_sigma_translation > 0) || !(options_.prior_sigma_rotation > 0)) return;
-    const Twist e = se3_log(T_guess * inverse(T));
-    Twist p;
-    p.head<3>().setConstant(1.0 / (options_.prior_sigma_translation * options_.prior_sigma_translation));
-    p.tail<3>().setConstant(1.0 / (options_.prior_sigma_rotation * options_.prior_sigma_rotation));
-    p /= options_.information_deflation;
-    n.H.diagonal() += p;
-    n.b += p.cwiseProduct(e);
+    const Twist e = se3_log(compose(T_guess, inverse(T)));
+    for (int i = 0; i < 6; ++i) {
+      const double sigma = i < 3 ? options_.prior_sigma_translation : options_.prior_sigma_rotation;
+      const double p = 1.0 / (sigma * sigma * options_.information_deflation);
+      n.H(i, i) += p;
+      n.b(i) += p * e(i);
+    }
   }
 
   template <class Executor>
   Status solve_level(int level, const Pose& T_guess, Pose& T, bool& converged, AlignmentResult& result,
                      const Executor& executor) {
-    using Vector6 = Eigen::Matrix<double, 6, 1>;
-    using Mat6 = Eigen::Matrix<double, 6, 6>;
     converged = false;
     enter(level);
     estimate_scales(level, T, options_.scale_samples, 0);
@@ -675,8 +680,7 @@ class DirectAligner {
     if (counts(accepted_).valid < enough) return Status::NoOverlap;
     const double depth = typical_depth(level);
     const double focal = current_->level(level).camera.fx;
-    Vector6 D;
-    D << depth, depth, depth, 1, 1, 1;
+    const Twist D = unit_twist(depth);
     double mu = options_.damping;
     const int most = static_cast<int>(options_.iterations.at(level));
     for (int it = 0; it < most && !converged; ++it) {
@@ -690,23 +694,34 @@ class DirectAligner {
       }
       const double before = mean_cost(accepted_);
       NormalEquations n = normal_equations(T);
-      if (!std::isfinite(before) || !n.H.allFinite() || !n.b.allFinite()) return Status::Diverged;
+      if (!std::isfinite(before) || !all_finite(n.H) || !all_finite(n.b)) return Status::Diverged;
       add_prior(T_guess, T, n);
-      Mat6 P;
+      Matrix6 P;
       if (degenerate(n.H, depth, P, nullptr) == 6) return level > 0 ? Status::TooFewPixels : Status::SingularSystem;
-      const Mat6 keep = Mat6::Identity() - P;
-      const Mat6 scaled = D.asDiagonal() * n.H * D.asDiagonal();
-      const Vector6 right = D.asDiagonal() * n.b;
+      const Matrix6 keep = complement(P);
+      const Matrix6 scaled = scaled_both(D, n.H);
+      Twist right;
+      double trace = 0;
+      for (int i = 0; i < 6; ++i) {
+        right(i) = D(i) * n.b(i);
+        trace += scaled(i, i);
+      }
+      right = times(keep, right);
+      const Matrix6 determined = plus(times(times(keep, scaled), keep), times(scaled(0, 0), P));
       bool moved = false;
       for (int reject = 0; reject <= options_.max_rejects; ++reject) {
         // Solved within the determined directions only; the identity on the others keeps the system regular.
-        Mat6 A = keep * scaled * keep + scaled(0, 0) * P + 1e-12 * scaled.trace() * Mat6::Identity();
-        A.diagonal() += mu * scaled.diagonal();
-        const Vector6 scaled_step = keep * solve_symmetric(A, Vector6(keep * right));
-        const Vector6 step = D.asDiagonal() * scaled_step;
-        if (!step.allFinite()) return Status::Diverged;
-        const bool tiny = focal * scaled_step.cwiseAbs().maxCoeff() < options_.stop_pixels.at(level);
-        const Pose T_trial = normalized(se3_exp(step) * T);
+        Matrix6 A = determined;
+        for (int i = 0; i < 6; ++i) A(i, i) += 1e-12 * trace + mu * scaled(i, i);
+        Twist step = times(keep, solve_symmetric(A, right));
+        double largest = 0;  // of the scaled step
+        for (int i = 0; i < 6; ++i) {
+          largest = std::max(largest, std::abs(step(i)));
+          step(i) *= D(i);
+        }
+        if (!all_finite(step)) return Status::Diverged;
+        const bool tiny = focal * largest < options_.stop_pixels.at(level);
+        const Pose T_trial = normalized(compose(se3_exp(step), T));
         if (tiny && reject == 0) {  // taken without another look
           T = T_trial;
           converged = moved = true;
@@ -738,14 +753,12 @@ class DirectAligner {
   template <class Executor>
   void finish(const Pose& T_guess, const Pose& T_start, Pose T, bool converged, AlignmentResult& r,
               const Executor& executor) {
-    using Mat6 = Eigen::Matrix<double, 6, 6>;
-    using Vector6 = Eigen::Matrix<double, 6, 1>;
     r.counts = counts(accepted_);
     r.valid_share = share(r.counts);
     r.static_share = 1 - moving_share();
     r.cost = mean_cost(accepted_);
     const NormalEquations n = normal_equations(T);
-    if (!is_finite(T) || !std::isfinite(r.cost) || !n.H.allFinite()) {
+    if (!is_finite(T) || !std::isfinite(r.cost) || !all_finite(n.H)) {
       r.cost = 0;
       fail(r, Status::Diverged);
       return;
@@ -753,7 +766,7 @@ class DirectAligner {
     estimate_scales(0, T, 4 * options_.scale_samples, 0);
     report_scales(r);
     r.median_depth = typical_depth(0);
-    Mat6 P;
+    Matrix6 P;
     r.degenerate_count = degenerate(n.H, r.median_depth, P, &r.eigenvalues);
     r.degenerate_projector = P;
     if (r.counts.valid_depth < options_.min_pixels) {
@@ -768,34 +781,42 @@ class DirectAligner {
       fail(r, Status::SingularSystem);
       return;
     }
-    Vector6 D;
-    D.head<3>().setConstant(r.median_depth);
-    D.tail<3>().setOnes();
-    if (r.degenerate_count > 0 && !T_start.isApprox(T_guess, 1e-12)) {
+    const Twist D = unit_twist(r.median_depth);
+    const auto scaled_to_guess = [&] {
+      Twist e = se3_log(compose(T_guess, inverse(T)));
+      for (int i = 0; i < 6; ++i) e(i) /= D(i);
+      return e;
+    };
+    if (r.degenerate_count > 0 && norm(se3_log(compose(T_start, inverse(T_guess)))) > 1e-12) {
       // it did not start at the guess: bring the undetermined directions back to it
-      const Vector6 e = D.cwiseInverse().asDiagonal() * Vector6(se3_log(T_guess * inverse(T)));
-      const Vector6 back = D.asDiagonal() * (P * e);
-      T = normalized(se3_exp(back) * T);
+      Twist back = times(P, scaled_to_guess());
+      for (int i = 0; i < 6; ++i) back(i) *= D(i);
+      T = normalized(compose(se3_exp(back), T));
     }
     if (options_.check_against_guess) {
       constexpr int kStep = 8;  // an eighth of the pixels will do
       sum(0, T_guess, trial_, executor, kStep);
       // Within the reach of a few pixels the two costs differ by noise and by what the references disagree on: a good
       // guess may well come out ahead there, and the result is no worse for it.
-      const Vector6 away = D.cwiseInverse().asDiagonal() * Vector6(se3_log(T_guess * inverse(T)));
-      const bool far = away.norm() * current_->level(0).camera.fx > 3;
+      const bool far = norm(scaled_to_guess()) * current_->level(0).camera.fx > 3;
       if (far && mean_cost(trial_, kStep) < 0.99 * mean_cost(accepted_, kStep)) {
         fail(r, Status::Diverged);
         return;
       }
     }
-    const Mat6 keep = Mat6::Identity() - P;
-    const Mat6 scaled = D.asDiagonal() * n.H * D.asDiagonal();
-    const double fill = scaled.trace() / 6;
-    const Mat6 inverted = keep * solve_symmetric(Mat6(keep * scaled * keep + fill * P), Mat6(Mat6::Identity())) * keep;
-    const Mat6 covariance = D.asDiagonal() * inverted * D.asDiagonal();
-    r.information = options_.information_deflation * n.H;
-    r.covariance = 0.5 / options_.information_deflation * (covariance + covariance.transpose());
+    const Matrix6 keep = complement(P);
+    const Matrix6 scaled = scaled_both(D, n.H);
+    double fill = 0;
+    for (int i = 0; i < 6; ++i) fill += scaled(i, i) / 6;
+    const Matrix6 determined = plus(times(times(keep, scaled), keep), times(fill, P));
+    const Matrix6 inverted = times(times(keep, solve_symmetric(determined, identity<Matrix6>())), keep);
+    const Matrix6 covariance = scaled_both(D, inverted);
+    r.information = times(options_.information_deflation, n.H);
+    for (int i = 0; i < 6; ++i) {
+      for (int j = 0; j < 6; ++j) {
+        r.covariance(i, j) = 0.5 / options_.information_deflation * (covariance(i, j) + covariance(j, i));
+      }
+    }
     r.T_world_camera = normalized(inverse(T));
     r.status = r.degenerate_count > 0 ? Status::Degenerate : (converged ? Status::Converged : Status::MaxIterations);
   }

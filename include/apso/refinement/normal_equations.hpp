@@ -34,11 +34,11 @@ struct TermScales {
 };
 
 struct NormalEquations {
-  Matrix6 H = Matrix6::Zero();
-  Twist b = Twist::Zero();
+  Matrix6 H = zeros<Matrix6>();
+  Twist b = zeros<Twist>();
   NormalEquations& operator+=(const NormalEquations& o) {
-    H += o.H;
-    b += o.b;
+    H = plus(H, o.H);
+    b = plus(b, o.b);
     return *this;
   }
 };
@@ -87,14 +87,19 @@ inline void add(PixelSums<double>& sum, const TileSums& tile, float factor) {
 
 /// The same equations for an increment from the left, in the frame T maps into: T <- Exp(e) T with e = Ad(T) d.
 [[nodiscard]] inline NormalEquations moved_to_left(const NormalEquations& n, const Pose& T) {
-  const Eigen::Matrix3d R = T.linear();
   // Ad(T)^-1 = [R^T, -R^T [t]x; 0, R^T]
-  Matrix6 A = Matrix6::Zero();
-  A.topLeftCorner<3, 3>() = A.bottomRightCorner<3, 3>() = R.transpose();
-  A.topRightCorner<3, 3>() = -R.transpose() * skew(T.translation());
+  const Eigen::Matrix3d R = rotation(T);
+  const Eigen::Matrix3d B = transposed_times(R, skew(translation(T)));
+  Matrix6 A = zeros<Matrix6>();
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      A(i, j) = A(3 + i, 3 + j) = R(j, i);
+      A(i, 3 + j) = -B(i, j);
+    }
+  }
   NormalEquations out;
-  out.H = A.transpose() * n.H * A;
-  out.b = A.transpose() * n.b;
+  out.H = times(transposed_times(A, n.H), A);
+  out.b = transposed_times(A, n.b);
   return out;
 }
 

@@ -42,21 +42,26 @@ class RotationSearch {
       if (rows_.size() < 100 || it == iterations) break;
       const double scale = std::max(1e-3, mad_scale_in_place(samples_)) * 2.3849;
       const auto inv = static_cast<float>(1.0 / scale);
-      Eigen::Matrix3d H = 1e-9 * Eigen::Matrix3d::Identity();
-      Eigen::Vector3d b = Eigen::Vector3d::Zero();
+      Eigen::Matrix3d H = zeros<Eigen::Matrix3d>();  // lower triangle
+      for (int i = 0; i < 3; ++i) H(i, i) = 1e-9;
+      Eigen::Vector3d b(0, 0, 0);
       for (const auto& row : rows_) {
-        const Eigen::Vector3d j(static_cast<double>(row[0]), static_cast<double>(row[1]), static_cast<double>(row[2]));
         const float s = row[3] * inv;
         const double w = static_cast<double>(row[4] / (1.0F + s * s));
-        H += w * j * j.transpose();
-        b -= w * static_cast<double>(row[3]) * j;
+        for (std::size_t i = 0; i < 3; ++i) {
+          const double wj = w * static_cast<double>(row[i]);
+          const auto r = static_cast<int>(i);
+          for (std::size_t k = 0; k <= i; ++k) H(r, static_cast<int>(k)) += wj * static_cast<double>(row[k]);
+          b(r) -= wj * static_cast<double>(row[3]);
+        }
       }
-      H.diagonal() *= 1.0 + 1e-4;
+      for (int i = 0; i < 3; ++i) H(i, i) *= 1.0 + 1e-4;
       const Eigen::Vector3d step = solve_symmetric(H, b);
-      if (!step.allFinite()) break;
-      const Eigen::Vector3d bounded = step.norm() > 0.2 ? Eigen::Vector3d(step * (0.2 / step.norm())) : step;
-      T.linear() = (so3_exp(bounded) * Eigen::Quaterniond(Eigen::Matrix3d(T.linear()))).normalized().toRotationMatrix();
-      if (step.norm() < 1e-4) break;
+      if (!all_finite(step)) break;
+      const double length = norm(step);
+      const Eigen::Matrix3d turn = rotation(so3_exp(times(length > 0.2 ? 0.2 / length : 1.0, step)));
+      T = normalized(make_pose(times(turn, rotation(T)), translation(T)));
+      if (length < 1e-4) break;
     }
     return best;
   }
@@ -69,7 +74,7 @@ class RotationSearch {
     const Pinhole& cam = target.camera;
     const auto fx = static_cast<float>(cam.fx);
     const auto fy = static_cast<float>(cam.fy);
-    const Eigen::Matrix3f R = T.linear().cast<float>();
+    const FloatPose turn(T);
     double total = 0;
     double weight = 0;
     rows_.clear();
@@ -79,8 +84,8 @@ class RotationSearch {
         float gamma = list.at(b, PixelList::kGamma, i);
         if (!(gamma > 0)) continue;
         const float iz_reference = 1.0F / list.at(b, PixelList::kZ, i);
-        const Eigen::Vector3f y = R * Eigen::Vector3f(list.at(b, PixelList::kX, i) * iz_reference,
-                                                      list.at(b, PixelList::kY, i) * iz_reference, 1.0F);
+        const Eigen::Vector3f y = turn.rotate(list.at(b, PixelList::kX, i) * iz_reference,
+                                              list.at(b, PixelList::kY, i) * iz_reference, 1.0F);
         weight += static_cast<double>(gamma);
         const float iz = 1.0F / std::max(y.z(), 0.1F);
         const double u = static_cast<double>(fx * y.x() * iz) + cam.cx;
@@ -96,7 +101,7 @@ class RotationSearch {
         if (!(gamma > 0)) continue;
         Eigen::Vector3f a(s.dx * fx * iz, s.dy * fy * iz, 0.0F);
         a.z() = -(a.x() * y.x() + a.y() * y.y()) * iz;
-        const Eigen::Vector3f j = y.cross(a);
+        const Eigen::Vector3f j = cross(y, a);
         rows_.push_back({j.x(), j.y(), j.z(), r, gamma});
         samples_.push_back(r);
       }
