@@ -270,7 +270,7 @@ TEST_CASE("low-res alignment: derivatives of both residuals agree with differenc
   const LowResAlignmentOptions options;
   const auto residuals = [&](int x, int y, const Twist& d, WarpedPixel& p) {
     const Pose moved = se3_exp(d) * T;
-    return warp_pixel(current, x, y, past, c, moved.linear().cast<float>(), moved.translation().cast<float>(), options, p);
+    return warp_pixel(current, x, y, past, c, FloatPose(moved), options, p);
   };
   int checked = 0;
   for (int y = 5; y < 115; y += 7) {

@@ -39,46 +39,58 @@ struct HornAlignment {
                                               const std::vector<Eigen::Vector3d>& source) {
   expects(!target.empty() && target.size() == source.size(), "align_horn: need equally many points, at least one");
   const double n = static_cast<double>(target.size());
-  Eigen::Vector3d mean_target = Eigen::Vector3d::Zero();
-  Eigen::Vector3d mean_source = Eigen::Vector3d::Zero();
+  Eigen::Vector3d mean_target = zeros<Eigen::Vector3d>();
+  Eigen::Vector3d mean_source = zeros<Eigen::Vector3d>();
   for (std::size_t i = 0; i < target.size(); ++i) {
-    mean_target += target[i];
-    mean_source += source[i];
+    mean_target = plus(mean_target, target[i]);
+    mean_source = plus(mean_source, source[i]);
   }
-  mean_target /= n;
-  mean_source /= n;
-  expects(mean_target.allFinite() && mean_source.allFinite(), "align_horn: points must be finite");
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  mean_target = times(1.0 / n, mean_target);
+  mean_source = times(1.0 / n, mean_source);
+  expects(all_finite(mean_target) && all_finite(mean_source), "align_horn: points must be finite");
+  double S[3][3] = {};  // sum of source times target^T, as in the article
   double spread_target = 0;
   double spread_source = 0;
   for (std::size_t i = 0; i < target.size(); ++i) {
-    const Eigen::Vector3d q = target[i] - mean_target;
-    const Eigen::Vector3d p = source[i] - mean_source;
-    covariance += q * p.transpose();
-    spread_target += q.squaredNorm();
-    spread_source += p.squaredNorm();
+    const Eigen::Vector3d q = minus(target[i], mean_target);
+    const Eigen::Vector3d p = minus(source[i], mean_source);
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) S[r][c] += p(r) * q(c);
+    }
+    spread_target += squared_norm(q);
+    spread_source += squared_norm(p);
   }
   HornAlignment result;
   const double scale = std::sqrt(spread_target) * std::sqrt(spread_source);
   expects(std::isfinite(scale), "align_horn: points must be finite and not overflow when squared");
   // Points that only differ by rounding have no spread: 1e-12 of the coordinates' own size.
-  const double rounding = 1e-12 * std::max(mean_target.norm(), mean_source.norm());
+  const double rounding = 1e-12 * std::max(norm(mean_target), norm(mean_source));
   const bool spread = scale > 0 && std::sqrt(spread_target / n) > rounding && std::sqrt(spread_source / n) > rounding;
-  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  Eigen::Quaterniond q(1, 0, 0, 0);
   if (spread) {
-    const Eigen::Matrix3d S = covariance.transpose() / scale;  // sum of source times target^T, as in the article
-    Eigen::Matrix4d N;
-    N << S(0, 0) + S(1, 1) + S(2, 2), S(1, 2) - S(2, 1), S(2, 0) - S(0, 2), S(0, 1) - S(1, 0),  //
-        S(1, 2) - S(2, 1), S(0, 0) - S(1, 1) - S(2, 2), S(0, 1) + S(1, 0), S(2, 0) + S(0, 2),   //
-        S(2, 0) - S(0, 2), S(0, 1) + S(1, 0), S(1, 1) - S(0, 0) - S(2, 2), S(1, 2) + S(2, 1),   //
-        S(0, 1) - S(1, 0), S(2, 0) + S(0, 2), S(1, 2) + S(2, 1), S(2, 2) - S(0, 0) - S(1, 1);
-    const SymmetricEigen<4> e = eigen_symmetric(N);
+    for (auto& row : S) {
+      for (double& s : row) s /= scale;
+    }
+    double N[4][4];  // lower triangle
+    N[0][0] = S[0][0] + S[1][1] + S[2][2];
+    N[1][0] = S[1][2] - S[2][1];
+    N[2][0] = S[2][0] - S[0][2];
+    N[3][0] = S[0][1] - S[1][0];
+    N[1][1] = S[0][0] - S[1][1] - S[2][2];
+    N[2][1] = S[0][1] + S[1][0];
+    N[3][1] = S[2][0] + S[0][2];
+    N[2][2] = S[1][1] - S[0][0] - S[2][2];
+    N[3][2] = S[1][2] + S[2][1];
+    N[3][3] = S[2][2] - S[0][0] - S[1][1];
+    double values[4];
+    double vectors[4][4];
+    eigen_symmetric(N, values, vectors);
     // With the largest eigenvalue l_0, (l_0 + l_k) / 2 are the singular values of S (the last one signed).
-    for (int k = 0; k < 3; ++k) result.rank += std::abs(e.values(3) + e.values(k)) > 2e-12 ? 1 : 0;
-    R = Eigen::Quaterniond(e.vectors(0, 3), e.vectors(1, 3), e.vectors(2, 3), e.vectors(3, 3)).normalized().toRotationMatrix();
+    for (int k = 0; k < 3; ++k) result.rank += std::abs(values[3] + values[k]) > 2e-12 ? 1 : 0;
+    q = unit({vectors[0][3], vectors[1][3], vectors[2][3], vectors[3][3]});
   }
-  result.T_target_source.linear() = R;
-  result.T_target_source.translation() = mean_target - R * mean_source;
+  const Eigen::Matrix3d R = rotation(q);
+  result.T_target_source = make_pose(R, minus(mean_target, times(R, mean_source)));
   return result;
 }
 
@@ -135,8 +147,8 @@ struct AteResult {
   truth.reserve(result.pairs.size());
   positions.reserve(result.pairs.size());
   for (const StampMatch& m : result.pairs) {
-    truth.emplace_back(groundtruth[m.first].T_world_body.translation());
-    positions.emplace_back(estimate[m.second].T_world_body.translation());
+    truth.push_back(translation(groundtruth[m.first].T_world_body));
+    positions.push_back(translation(estimate[m.second].T_world_body));
   }
   if (align) {
     const HornAlignment horn = align_horn(truth, positions);
@@ -145,7 +157,7 @@ struct AteResult {
   }
   result.errors.reserve(truth.size());
   for (std::size_t i = 0; i < truth.size(); ++i) {
-    result.errors.push_back((result.T_groundtruth_estimate * positions[i] - truth[i]).norm());
+    result.errors.push_back(norm(minus(transform(result.T_groundtruth_estimate, positions[i]), truth[i])));
   }
   result.statistics = compute_statistics(result.errors);
   return result;

@@ -109,8 +109,8 @@ namespace detail {
     } else if (unit == DeltaUnit::Frames) {
       sum = static_cast<double>(i);
     } else if (i > 0) {
-      const Pose step = inverse(trajectory[i].T_world_body) * trajectory[i - 1].T_world_body;
-      if (unit == DeltaUnit::Metres) sum += step.translation().norm();
+      const Pose step = compose(inverse(trajectory[i].T_world_body), trajectory[i - 1].T_world_body);
+      if (unit == DeltaUnit::Metres) sum += norm(translation(step));
       if (unit == DeltaUnit::Radians) sum += rotation_angle(step);
       if (unit == DeltaUnit::Degrees) sum += rotation_angle(step) * (180.0 / 3.14159265358979323846);
     }
@@ -171,11 +171,11 @@ void keep_sample(std::vector<T>& values, std::size_t count, unsigned seed) {
     const std::size_t g_i = detail::closest_by_bisection(stamps, t_i);
     const std::size_t g_j = detail::closest_by_bisection(stamps, t_j);
     if (std::abs(stamps[g_i] - t_i) > max_difference || std::abs(stamps[g_j] - t_j) > max_difference) continue;
-    const Pose A = inverse(estimate[i].T_world_body) * estimate[j].T_world_body;
-    const Pose B = inverse(groundtruth[g_i].T_world_body) * groundtruth[g_j].T_world_body;
-    const Pose E = options.form == RpeForm::TumScript ? A * inverse(B) : inverse(B) * A;
+    const Pose A = compose(inverse(estimate[i].T_world_body), estimate[j].T_world_body);
+    const Pose B = compose(inverse(groundtruth[g_i].T_world_body), groundtruth[g_j].T_world_body);
+    const Pose E = options.form == RpeForm::TumScript ? compose(A, inverse(B)) : compose(inverse(B), A);
     result.pairs.push_back({i, j, g_i, g_j});
-    result.translation_errors.push_back(E.translation().norm());
+    result.translation_errors.push_back(norm(translation(E)));
     result.rotation_errors_deg.push_back(rotation_angle(E) * (180.0 / 3.14159265358979323846));
   }
   if (result.pairs.empty()) return result;

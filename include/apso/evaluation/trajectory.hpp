@@ -100,12 +100,8 @@ inline void validate(const Trajectory& trajectory, const std::string& name) {
   const double gap = p1.timestamp - p0.timestamp;
   if (!(gap <= max_gap)) return std::nullopt;
   const double s = (t - p0.timestamp) / gap;
-  const Eigen::Matrix3d R0 = p0.T_world_body.linear();
-  const Eigen::Matrix3d R1 = p1.T_world_body.linear();
-  Pose T = Pose::Identity();
-  T.linear() = Eigen::Quaterniond(R0).slerp(s, Eigen::Quaterniond(R1)).normalized().toRotationMatrix();
-  T.translation() = (1.0 - s) * p0.T_world_body.translation() + s * p1.T_world_body.translation();
-  return T;
+  const Eigen::Quaterniond q = unit(slerp(quaternion(p0.T_world_body), quaternion(p1.T_world_body), s));
+  return make_pose(rotation(q), plus(times(1.0 - s, translation(p0.T_world_body)), times(s, translation(p1.T_world_body))));
 }
 
 /// A trajectory interpolated at the stamps of another one; stamps that cannot be interpolated are left out.

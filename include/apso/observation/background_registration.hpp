@@ -55,8 +55,6 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
                                                   const Pose& T_world_camera_prior,
                                                   const std::vector<const DepthReference*>& references,
                                                   const BackgroundRegistrationOptions& options) {
-  using Vector6 = Eigen::Matrix<double, 6, 1>;
-  using Matrix66 = Eigen::Matrix<double, 6, 6>;
   BackgroundRegistration result;
   result.T_world_camera = T_world_camera_prior;
   if (references.empty()) {
@@ -69,7 +67,7 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
   const auto fy = static_cast<float>(camera.fy);
   const auto cx = static_cast<float>(camera.cx);
   const auto cy = static_cast<float>(camera.cy);
-  Matrix66 prior = Matrix66::Zero();
+  Matrix6 prior = zeros<Matrix6>();
   for (int i = 0; i < 3; ++i) {
     prior(i, i) = 1.0 / (options.sigma_translation * options.sigma_translation);
     prior(i + 3, i + 3) = 1.0 / (options.sigma_rotation * options.sigma_rotation);
@@ -77,28 +75,26 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
 
   // the correction D moves points of the prior camera frame: T_world_camera = T_prior D
   Pose D = Pose::Identity();
-  const auto accumulate = [&](const Pose& correction, float gate, Matrix66& H, Vector6& b, double& cost, int& judged) {
-    H.setZero();
-    b.setZero();
+  const auto accumulate = [&](const Pose& correction, float gate, Matrix6& H, Twist& b, double& cost, int& judged) {
+    H = zeros<Matrix6>();
+    b = zeros<Twist>();
     cost = 0;
     judged = 0;
     int n = 0;
     for (const DepthReference* reference : references) {
-      const Pose T_r_prior = inverse(reference->T_world_camera) * T_world_camera_prior;
-      const Eigen::Matrix3f Rp = T_r_prior.linear().cast<float>();
-      const Pose T_r_c = T_r_prior * correction;
-      const Eigen::Matrix3f R = T_r_c.linear().cast<float>();
-      const Eigen::Vector3f t = T_r_c.translation().cast<float>();
-      const Eigen::Matrix3f Rc = correction.linear().cast<float>();
-      const Eigen::Vector3f tc = correction.translation().cast<float>();
-      Eigen::Matrix<float, 6, 6> Hr = Eigen::Matrix<float, 6, 6>::Zero();
-      Eigen::Matrix<float, 6, 1> br = Eigen::Matrix<float, 6, 1>::Zero();
+      const Pose T_r_prior = compose(inverse(reference->T_world_camera), T_world_camera_prior);
+      const FloatPose prior_from_reference(inverse(T_r_prior));
+      const FloatPose reference_from_camera(compose(T_r_prior, correction));
+      const FloatPose prior_from_camera(correction);
+      float Hr[6][6] = {};  // lower triangle
+      float br[6] = {};
       for (int y = options.stride / 2; y < h; y += options.stride) {
         for (int x = options.stride / 2; x < w; x += options.stride) {
           const float z = depth(x, y);
           if (!(z > 0)) continue;
-          const Eigen::Vector3f X((static_cast<float>(x) - cx) / fx * z, (static_cast<float>(y) - cy) / fy * z, z);
-          const Eigen::Vector3f Y = R * X + t;
+          const float px = (static_cast<float>(x) - cx) / fx * z;
+          const float py = (static_cast<float>(y) - cy) / fy * z;
+          const Eigen::Vector3f Y = reference_from_camera(px, py, z);
           if (!(Y.z() > 0.05F)) continue;
           const float u = fx * Y.x() / Y.z() + cx + 0.5F;
           const float v = fy * Y.y() / Y.z() + cy + 0.5F;
@@ -107,11 +103,11 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
           const int iv = static_cast<int>(v);
           const auto i = static_cast<std::size_t>(iv) * static_cast<std::size_t>(w) + static_cast<std::size_t>(iu);
           const Eigen::Vector3f& n_r = reference->normals[i];
-          if (reference->dynamic(iu, iv) != 0 || n_r.isZero()) continue;
+          if (reference->dynamic(iu, iv) != 0 || squared_norm(n_r) == 0) continue;
           const float zr = reference->depth(iu, iv);
           const Eigen::Vector3f q((static_cast<float>(iu) - cx) / fx * zr, (static_cast<float>(iv) - cy) / fy * zr,
                                   zr);
-          const float r = n_r.dot(Y - q);
+          const float r = dot(n_r, minus(Y, q));
           ++judged;
           const float g = gate + 2.0F * depth_sigma(z);
           const float e = r / g;
@@ -124,30 +120,28 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
           cost += static_cast<double>(1.0F - k * k * k);
           const float sigma = 0.01F + depth_sigma(z);
           const float weight = k * k / (sigma * sigma);
-          const Eigen::Vector3f n0 = Rp.transpose() * n_r;
-          const Eigen::Vector3f Xc = Rc * X + tc;
-          Eigen::Matrix<float, 6, 1> J;
-          J.head<3>() = n0;
-          J.tail<3>() = Xc.cross(n0);
-          Hr.selfadjointView<Eigen::Lower>().rankUpdate(J, weight);
-          br += (weight * r) * J;
+          const Eigen::Vector3f a = prior_from_reference.rotate(n_r.x(), n_r.y(), n_r.z());
+          const Eigen::Vector3f m = cross(prior_from_camera(px, py, z), a);
+          add_row({a.x(), a.y(), a.z(), m.x(), m.y(), m.z()}, weight, r, Hr, br);
           ++n;
         }
       }
-      H += Eigen::Matrix<float, 6, 6>(Hr.selfadjointView<Eigen::Lower>()).cast<double>();
-      b += br.cast<double>();
+      for (int i = 0; i < 6; ++i) {
+        for (int j = 0; j < 6; ++j) H(i, j) += static_cast<double>(i >= j ? Hr[i][j] : Hr[j][i]);
+        b(i) += static_cast<double>(br[i]);
+      }
     }
     if (judged > 0) cost /= judged;
     if (n > options.independent) {
       const double s = static_cast<double>(options.independent) / n;
-      H *= s;
-      b *= s;
+      H = times(s, H);
+      b = times(s, b);
     }
     return n;
   };
 
-  Matrix66 H;
-  Vector6 b;
+  Matrix6 H;
+  Twist b;
   int judged = 0;
   const auto gate0 = static_cast<float>(options.gate);
   const float gate_end = gate0 / 3;
@@ -159,14 +153,13 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
       result.status = Status::TooFewPixels;
       return result;
     }
-    const Vector6 xi = se3_log(D);
-    const Vector6 step = -solve_symmetric(Matrix66(H + prior), Vector6(b + prior * xi));
-    if (!step.allFinite()) {
+    const Twist step = times(-1.0, solve_symmetric(plus(H, prior), plus(b, times(prior, se3_log(D)))));
+    if (!all_finite(step)) {
       result.status = Status::SingularSystem;
       return result;
     }
-    D = normalized(se3_exp(Twist(step)) * D);
-    if (step.head<3>().norm() < 2e-4 && step.tail<3>().norm() < 1e-4 && s > 0.5F) break;
+    D = normalized(compose(se3_exp(step), D));
+    if (translation_norm(step) < 2e-4 && rotation_norm(step) < 1e-4 && s > 0.5F) break;
   }
   int judged_prior = 0;
   accumulate(Pose::Identity(), gate_end, H, b, result.mean_cost_prior, judged_prior);
@@ -177,7 +170,7 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
     return result;
   }
   result.status = Status::Converged;
-  result.T_world_camera = normalized(T_world_camera_prior * D);
+  result.T_world_camera = normalized(compose(T_world_camera_prior, D));
   return result;
 }
 

@@ -28,9 +28,8 @@ class CarriedLogOdds {
     const int h = depth.height();
     const bool has_past = past_.width() == w && past_.height() == h;
     next_.resize(w, h);
-    const Pose T = has_past ? Pose(inverse(T_world_past_) * T_world_camera) : Pose::Identity();
-    const Eigen::Matrix3f R = T.linear().cast<float>();
-    const Eigen::Vector3f t = T.translation().cast<float>();
+    const Pose T = has_past ? compose(inverse(T_world_past_), T_world_camera) : Pose::Identity();
+    const FloatPose past_from_current(T);
     const auto fx = static_cast<float>(camera.fx);
     const auto fy = static_cast<float>(camera.fy);
     const auto cx = static_cast<float>(camera.cx);
@@ -40,8 +39,8 @@ class CarriedLogOdds {
         const float z = depth(x, y);
         float past = 0;
         if (has_past && z > 0) {
-          const Eigen::Vector3f ray((static_cast<float>(x) - cx) / fx, (static_cast<float>(y) - cy) / fy, 1.0F);
-          const Eigen::Vector3f p = z * (R * ray) + t;
+          const Eigen::Vector3f p =
+              past_from_current(z * (static_cast<float>(x) - cx) / fx, z * (static_cast<float>(y) - cy) / fy, z);
           if (p.z() > 0.05F) {
             const float u = fx * p.x() / p.z() + cx + 0.5F;
             const float v = fy * p.y() / p.z() + cy + 0.5F;

@@ -50,7 +50,8 @@ inline void cluster_points(const Image<float>& depth, const Pinhole& camera, int
     const float z = depth(x, y);
     return Eigen::Vector3f((static_cast<float>(x) - cx) / fx * z, (static_cast<float>(y) - cy) / fy * z, z);
   };
-  out.centre.assign(K, Eigen::Vector3f::Constant(std::numeric_limits<float>::infinity()));
+  constexpr float kNowhere = std::numeric_limits<float>::infinity();
+  out.centre.assign(K, Eigen::Vector3f(kNowhere, kNowhere, kNowhere));
   for (int r = 0; r < rows; ++r) {
     for (int c = 0; c < columns; ++c) {
       // the valid pixel of the cell that is nearest to its middle, along its row
@@ -68,7 +69,7 @@ inline void cluster_points(const Image<float>& depth, const Pinhole& camera, int
     std::size_t best = 0;
     float least = std::numeric_limits<float>::infinity();
     for (std::size_t i = 0; i < K; ++i) {
-      const float d = (p - out.centre[i]).squaredNorm();
+      const float d = squared_norm(minus(p, out.centre[i]));
       if (d < least) {
         least = d;
         best = i;
@@ -78,7 +79,7 @@ inline void cluster_points(const Image<float>& depth, const Pinhole& camera, int
   };
   std::array<Eigen::Vector3f, 250> sum;
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    sum.fill(Eigen::Vector3f::Zero());
+    sum.fill(Eigen::Vector3f(0, 0, 0));
     out.size.assign(K, 0);
     for (int y = 1; y < h; y += 3) {
       for (int x = 1; x < w; x += 3) {
@@ -86,12 +87,12 @@ inline void cluster_points(const Image<float>& depth, const Pinhole& camera, int
         const Eigen::Vector3f p = point(x, y);
         const std::size_t i = nearest(p);
         if (i == PointClusters::kNone) continue;
-        sum[i] += p;
+        sum[i] = plus(sum[i], p);
         ++out.size[i];
       }
     }
     for (std::size_t i = 0; i < K; ++i) {
-      if (out.size[i] > 0) out.centre[i] = sum[i] / static_cast<float>(out.size[i]);
+      if (out.size[i] > 0) out.centre[i] = times(1.0F / static_cast<float>(out.size[i]), sum[i]);
     }
   }
   out.label.assign(w, h, PointClusters::kNone);
@@ -125,26 +126,26 @@ inline void cluster_points(const Image<float>& depth, const Pinhole& camera, int
 /// where d_i in [-1,1] is how much better rest explains cluster i than the mean cluster does.
 inline void solve_rest(const std::vector<float>& d, const std::vector<float>& p, const std::vector<std::uint8_t>& neighbours,
                        double prior, double smooth, std::vector<float>& b) {
-  const auto k = static_cast<Eigen::Index>(d.size());
+  constexpr int kMost = 64;
+  const int k = static_cast<int>(d.size());
   expects(p.size() == d.size() && neighbours.size() == d.size() * d.size() && prior > 0 && smooth >= 0,
           "solve_rest: sizes or weights do not fit");
-  // room on the stack, so that nothing is allocated per frame
-  using Matrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, 0, 64, 64>;
-  using Vector = Eigen::Matrix<float, Eigen::Dynamic, 1, 0, 64, 1>;
-  expects(k <= 64, "solve_rest: at most 64 clusters");
-  Matrix A = Matrix::Identity(k, k) * static_cast<float>(prior);
-  Vector y(k);
-  for (Eigen::Index i = 0; i < k; ++i) {
-    y[i] = static_cast<float>(prior) * p[static_cast<std::size_t>(i)] + d[static_cast<std::size_t>(i)];
-    for (Eigen::Index j = 0; j < k; ++j) {
+  expects(k <= kMost, "solve_rest: at most 64 clusters");
+  float A[kMost][kMost];  // room on the stack, so that nothing is allocated per frame
+  float x[kMost];
+  for (int i = 0; i < k; ++i) {
+    x[i] = static_cast<float>(prior) * p[static_cast<std::size_t>(i)] + d[static_cast<std::size_t>(i)];
+    std::fill_n(A[i], k, 0.0F);
+    A[i][i] = static_cast<float>(prior);
+    for (int j = 0; j < k; ++j) {
       if (i == j || neighbours[static_cast<std::size_t>(i * k + j)] == 0) continue;
-      A(i, i) += static_cast<float>(smooth);
-      A(i, j) -= static_cast<float>(smooth);
+      A[i][i] += static_cast<float>(smooth);
+      A[i][j] -= static_cast<float>(smooth);
     }
   }
-  const Vector x = A.llt().solve(y);
+  solve_definite(A, k, x);
   b.resize(d.size());
-  for (Eigen::Index i = 0; i < k; ++i) {
+  for (int i = 0; i < k; ++i) {
     b[static_cast<std::size_t>(i)] = x[i] == x[i] ? std::clamp(x[i], 0.0F, 1.0F) : 1.0F;
   }
 }
@@ -256,14 +257,13 @@ class ClusterResidual {
     seen_.assign(k, 0);
     benefit_.resize(k);
     prior_.resize(k);
-    const Eigen::Matrix3f R = T.linear().cast<float>();
-    const Eigen::Vector3f t = T.translation().cast<float>();
+    const FloatPose warp(T);
     constexpr float c = 2.3849F;
     WarpedPixel p;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) {
         const std::uint8_t i = clusters_.label(x, y);
-        if (i == PointClusters::kNone || !warp_pixel(current, x, y, past, camera, R, t, options_.alignment, p)) continue;
+        if (i == PointClusters::kNone || !warp_pixel(current, x, y, past, camera, warp, options_.alignment, p)) continue;
         const float d = p.r_depth / p.sigma_depth;
         if (d < -4.0F) continue;  // uncovered: says nothing about the point
         const float g = p.r_intensity / p.sigma_intensity;

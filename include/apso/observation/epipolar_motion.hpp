@@ -12,7 +12,6 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/LU>
 
 #include <apso/config.hpp>
 #include <apso/math/robust_scale.hpp>
@@ -35,53 +34,76 @@ struct PointPair {
 
 /// Distance of the current point to the epipolar line F past [px]; 0 where the line is not defined.
 [[nodiscard]] inline double epipolar_distance(const Eigen::Matrix3d& F, const PointPair& p) {
-  const Eigen::Vector3d line = F * p.past.homogeneous();
-  const double n = line.head<2>().norm();
-  return n > 1e-12 ? std::abs(line.dot(p.current.homogeneous())) / n : 0.0;
+  const Eigen::Vector3d line = times(F, Eigen::Vector3d(p.past.x(), p.past.y(), 1.0));
+  const double n = std::sqrt(line.x() * line.x() + line.y() * line.y());
+  return n > 1e-12 ? std::abs(line.x() * p.current.x() + line.y() * p.current.y() + line.z()) / n : 0.0;
 }
 
 /// Fundamental matrix of eight or more pairs by the normalised eight-point algorithm (Hartley, PAMI 1997):
 /// current^T F past = 0, rank 2, Frobenius norm 1. False when the pairs do not determine it.
 [[nodiscard]] inline bool eight_point(const std::vector<PointPair>& pairs, const std::vector<int>& chosen, Eigen::Matrix3d& F) {
   if (chosen.size() < 8) return false;
-  Eigen::Vector2d mean[2] = {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
-  for (int i : chosen) {
-    mean[0] += pairs[static_cast<std::size_t>(i)].past;
-    mean[1] += pairs[static_cast<std::size_t>(i)].current;
-  }
+  const auto point = [&](int i, int image) -> const Eigen::Vector2d& {
+    const PointPair& p = pairs[static_cast<std::size_t>(i)];
+    return image == 0 ? p.past : p.current;
+  };
   const auto n = static_cast<double>(chosen.size());
-  mean[0] /= n;
-  mean[1] /= n;
-  double spread[2] = {0, 0};
-  for (int i : chosen) {
-    spread[0] += (pairs[static_cast<std::size_t>(i)].past - mean[0]).norm();
-    spread[1] += (pairs[static_cast<std::size_t>(i)].current - mean[1]).norm();
-  }
-  if (!(spread[0] > 1e-9 && spread[1] > 1e-9)) return false;
-  Eigen::Matrix3d N[2];
+  Eigen::Matrix3d N[2];  // what makes the points of an image centred and of mean distance sqrt(2)
   for (int k = 0; k < 2; ++k) {
-    const double s = std::sqrt(2.0) * n / spread[k];
-    N[k] << s, 0, -s * mean[k].x(), 0, s, -s * mean[k].y(), 0, 0, 1;
+    double x = 0;
+    double y = 0;
+    for (int i : chosen) {
+      x += point(i, k).x() / n;
+      y += point(i, k).y() / n;
+    }
+    double spread = 0;
+    for (int i : chosen) {
+      const double dx = point(i, k).x() - x;
+      const double dy = point(i, k).y() - y;
+      spread += std::sqrt(dx * dx + dy * dy);
+    }
+    if (!(spread > 1e-9)) return false;
+    const double s = std::sqrt(2.0) * n / spread;
+    N[k] = zeros<Eigen::Matrix3d>();
+    N[k](0, 0) = N[k](1, 1) = s;
+    N[k](0, 2) = -s * x;
+    N[k](1, 2) = -s * y;
+    N[k](2, 2) = 1;
   }
-  Eigen::Matrix<double, 9, 9> A = Eigen::Matrix<double, 9, 9>::Zero();
+  double A[9][9] = {};  // lower triangle
   for (int i : chosen) {
-    const Eigen::Vector3d a = N[0] * pairs[static_cast<std::size_t>(i)].past.homogeneous();
-    const Eigen::Vector3d b = N[1] * pairs[static_cast<std::size_t>(i)].current.homogeneous();
-    Eigen::Matrix<double, 9, 1> row;
-    row << b.x() * a, b.y() * a, b.z() * a;
-    A.selfadjointView<Eigen::Lower>().rankUpdate(row);
+    const Eigen::Vector3d a = times(N[0], Eigen::Vector3d(point(i, 0).x(), point(i, 0).y(), 1.0));
+    const Eigen::Vector3d b = times(N[1], Eigen::Vector3d(point(i, 1).x(), point(i, 1).y(), 1.0));
+    double row[9];
+    for (int k = 0; k < 9; ++k) row[k] = b(k / 3) * a(k % 3);
+    for (int k = 0; k < 9; ++k) {
+      for (int l = 0; l <= k; ++l) A[k][l] += row[k] * row[l];
+    }
   }
-  const SymmetricEigen<9> eigen = eigen_symmetric(A);
-  if (!(eigen.values[1] > 1e-12 * eigen.values[8])) return false;
-  const Eigen::Matrix<double, 9, 1> f = eigen.vectors.col(0);
+  double values[9];
+  double vectors[9][9];
+  eigen_symmetric(A, values, vectors);
+  if (!(values[1] > 1e-12 * values[8])) return false;
   Eigen::Matrix3d M;
-  M << f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8];
-  // the nearest matrix of rank 2 lacks the direction of the smallest singular value
-  const Eigen::Vector3d v = eigen_symmetric(Eigen::Matrix3d(M.transpose() * M)).vectors.col(0);
-  F = N[1].transpose() * (M - M * v * v.transpose()) * N[0];
-  const double norm = F.norm();
-  if (!(norm > 0) || !F.allFinite()) return false;
-  F /= norm;
+  for (int k = 0; k < 9; ++k) M(k / 3, k % 3) = vectors[k][0];
+  // the nearest matrix of rank 2 lacks the direction v of the smallest singular value: M - M v v^T
+  double squared[3][3];
+  double squares[3];
+  double directions[3][3];
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) squared[r][c] = M(0, r) * M(0, c) + M(1, r) * M(1, c) + M(2, r) * M(2, c);
+  }
+  eigen_symmetric(squared, squares, directions);
+  for (int r = 0; r < 3; ++r) {
+    double along = 0;
+    for (int c = 0; c < 3; ++c) along += M(r, c) * directions[c][0];
+    for (int c = 0; c < 3; ++c) M(r, c) -= along * directions[c][0];
+  }
+  F = times(transposed_times(N[1], M), N[0]);
+  double sum = 0;
+  for (int k = 0; k < 9; ++k) sum += F(k / 3, k % 3) * F(k / 3, k % 3);
+  if (!(sum > 0) || !std::isfinite(sum)) return false;
+  F = times(1.0 / std::sqrt(sum), F);
   return true;
 }
 
@@ -218,16 +240,18 @@ class EpipolarMotion {
       const auto it = std::lower_bound(past.points.begin(), past.points.end(), t.id,
                                        [](const TrackPoint& p, std::int64_t id) { return p.id < id; });
       if (it == past.points.end() || it->id != t.id) continue;
-      pairs_.push_back({Eigen::Vector2f(it->x, it->y).cast<double>(), Eigen::Vector2f(t.x, t.y).cast<double>()});
+      pairs_.push_back({{static_cast<double>(it->x), static_cast<double>(it->y)},
+                        {static_cast<double>(t.x), static_cast<double>(t.y)}});
       past_depth_.push_back(it->z);
     }
     if (static_cast<int>(pairs_.size()) < options_.min_pairs) return;
 
-    const Pose T = inverse(T_world_camera) * past.T_world_camera;
+    const Pose T = compose(inverse(T_world_camera), past.T_world_camera);
+    const Eigen::Matrix3d R = rotation(T);
     flow_.clear();
     for (const PointPair& p : pairs_) {
-      const Eigen::Vector3d X = T.linear() * camera_.unproject(p.past.x(), p.past.y(), 1.0);
-      if (X.z() > 0.05) flow_.push_back((p.current - camera_.project(X)).norm());
+      const Eigen::Vector3d X = times(R, camera_.unproject(p.past.x(), p.past.y(), 1.0));
+      if (X.z() > 0.05) flow_.push_back(norm(minus(p.current, camera_.project(X))));
     }
     distance_.assign(pairs_.size(), -1.0);
     Eigen::Matrix3d F;
@@ -238,8 +262,8 @@ class EpipolarMotion {
       model_ = EpipolarModel::Prediction;
       for (std::size_t i = 0; i < pairs_.size(); ++i) {
         if (!(past_depth_[i] > 0)) continue;
-        const Eigen::Vector3d X = T * camera_.unproject(pairs_[i].past.x(), pairs_[i].past.y(), static_cast<double>(past_depth_[i]));
-        if (X.z() > 0.05) distance_[i] = (pairs_[i].current - camera_.project(X)).norm();
+        const Eigen::Vector3d X = transform(T, camera_.unproject(pairs_[i].past.x(), pairs_[i].past.y(), static_cast<double>(past_depth_[i])));
+        if (X.z() > 0.05) distance_[i] = norm(minus(pairs_[i].current, camera_.project(X)));
       }
     }
     spread();

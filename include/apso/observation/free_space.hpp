@@ -82,9 +82,7 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
   const int w = depth.width();
   const int h = depth.height();
   votes.resize(w, h);
-  const Pose T = inverse(reference.T_world_camera) * T_world_camera;
-  const Eigen::Matrix3f R = T.linear().cast<float>();
-  const Eigen::Vector3f t = T.translation().cast<float>();
+  const FloatPose T(compose(inverse(reference.T_world_camera), T_world_camera));
   const auto fx = static_cast<float>(camera.fx);
   const auto fy = static_cast<float>(camera.fy);
   const auto cx = static_cast<float>(camera.cx);
@@ -96,32 +94,34 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
 
   ViewComparison result;
   const float ifx = 1.0F / fx;
-  const Eigen::Vector3f step = R.col(0) * ifx;
   for (int y = 0; y < h; ++y) {
     const float* z = depth.row(y);
     float* vote = votes.row(y);
-    const Eigen::Vector3f row = R.col(1) * ((static_cast<float>(y) - cy) / fy) + R.col(2) - R.col(0) * (cx * ifx);
+    const Eigen::Vector3f row = T.rotate(-cx * ifx, (static_cast<float>(y) - cy) / fy, 1.0F);
     for (int x = 0; x < w; ++x) {
       vote[x] = 0;
       if (!(z[x] > 0)) continue;
-      const Eigen::Vector3f p = z[x] * (static_cast<float>(x) * step + row) + t;
-      if (!(p.z() > 0.05F)) continue;
-      const float iz = 1.0F / p.z();
-      const float u = fx * p.x() * iz + cx + 0.5F;
-      const float v = fy * p.y() * iz + cy + 0.5F;
+      const float along = static_cast<float>(x) * ifx;
+      const float px = z[x] * (along * T.R[0][0] + row.x()) + T.t[0];
+      const float py = z[x] * (along * T.R[1][0] + row.y()) + T.t[1];
+      const float pz = z[x] * (along * T.R[2][0] + row.z()) + T.t[2];
+      if (!(pz > 0.05F)) continue;
+      const float iz = 1.0F / pz;
+      const float u = fx * px * iz + cx + 0.5F;
+      const float v = fy * py * iz + cy + 0.5F;
       if (!(u >= 0 && v >= 0 && u < static_cast<float>(w) && v < static_cast<float>(h))) continue;
       const int iu = static_cast<int>(u);
       const int iv = static_cast<int>(v);
       const float nearest = reference.limits.nearest(iu, iv);
       if (!(nearest > 0)) continue;
       // both depths have about this noise where the answer is close
-      const float tau = std::max(least, sigmas * 1.41421356F * depth_sigma(std::max(p.z(), nearest))) + slack;
+      const float tau = std::max(least, sigmas * 1.41421356F * depth_sigma(std::max(pz, nearest))) + slack;
       ++result.seen;
       const bool was_dynamic = reference.dynamic(iu, iv) != 0;
-      if (p.z() < nearest - tau) {
-        vote[x] = 0.5F + 0.5F * std::min(1.0F, (nearest - tau - p.z()) / tau);
+      if (pz < nearest - tau) {
+        vote[x] = 0.5F + 0.5F * std::min(1.0F, (nearest - tau - pz) / tau);
         ++result.in_front;
-      } else if (p.z() <= reference.limits.farthest(iu, iv) + tau) {
+      } else if (pz <= reference.limits.farthest(iu, iv) + tau) {
         vote[x] = was_dynamic ? static_cast<float>(kSameDynamic) : static_cast<float>(kSameStatic);
         result.same += was_dynamic ? 0 : 1;
       } else {

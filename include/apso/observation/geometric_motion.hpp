@@ -219,14 +219,14 @@ class GeometricMotion {
 
   // Share of a grid of current points that falls into the view of a reference.
   [[nodiscard]] double overlap(const DepthReference& r) const {
-    const Pose T = inverse(r.T_world_camera) * refined_;
+    const Pose T = compose(inverse(r.T_world_camera), refined_);
     int n = 0;
     int inside = 0;
     for (int y = small_.height / 12; y < small_.height; y += std::max(1, small_.height / 6)) {
       for (int x = small_.width / 16; x < small_.width; x += std::max(1, small_.width / 8)) {
         if (!(depth_(x, y) > 0)) continue;
         ++n;
-        const Eigen::Vector3d p = T * small_.unproject(x, y, static_cast<double>(depth_(x, y)));
+        const Eigen::Vector3d p = transform(T, small_.unproject(x, y, static_cast<double>(depth_(x, y))));
         if (p.z() > 0.05) {
           const Eigen::Vector2d u = small_.project(p);
           inside += small_.contains(u.x(), u.y()) ? 1 : 0;

@@ -64,7 +64,7 @@ struct WarpedPixel {
 
 /// Warps pixel (x,y). False where it has no depth, leaves the view, or falls on an edge or hole of the past depth.
 [[nodiscard]] inline bool warp_pixel(const SmallFrame& current, int x, int y, const SmallFrame& past,
-                                     const Pinhole& camera, const Eigen::Matrix3f& R, const Eigen::Vector3f& t,
+                                     const Pinhole& camera, const FloatPose& T_past_current,
                                      const LowResAlignmentOptions& options, WarpedPixel& out) {
   const float z = current.depth(x, y);
   if (!(z > 0)) return false;
@@ -72,7 +72,7 @@ struct WarpedPixel {
   const auto fy = static_cast<float>(camera.fy);
   const auto cx = static_cast<float>(camera.cx);
   const auto cy = static_cast<float>(camera.cy);
-  out.Y = R * Eigen::Vector3f((static_cast<float>(x) - cx) / fx * z, (static_cast<float>(y) - cy) / fy * z, z) + t;
+  out.Y = T_past_current((static_cast<float>(x) - cx) / fx * z, (static_cast<float>(y) - cy) / fy * z, z);
   if (!(out.Y.z() > 0.05F)) return false;
   const float iz = 1.0F / out.Y.z();
   const float u = fx * out.Y.x() * iz + cx;
@@ -107,7 +107,8 @@ struct WarpedPixel {
     return Eigen::Vector3f(du * fx * iz, dv * fy * iz, -(du * fx * out.Y.x() + dv * fy * out.Y.y()) * iz * iz);
   };
   out.a_intensity = chain(gx, gy);
-  out.a_depth = chain(zx, zy) - Eigen::Vector3f::UnitZ();
+  out.a_depth = chain(zx, zy);
+  out.a_depth.z() -= 1.0F;
   const auto pixel = static_cast<float>(options.sigma_pixel);
   const auto grey = static_cast<float>(options.sigma_intensity);
   const float s = 1.41421356F * depth_sigma(std::max(Z, out.Y.z())) + 0.005F;
@@ -129,11 +130,9 @@ struct LowResAlignment {
 inline LowResAlignment align_low_res(const SmallFrame& current, const SmallFrame& past, const Pinhole& camera,
                                      const Pose& T_past_current_prior, const Image<float>* weight,
                                      const LowResAlignmentOptions& options, std::vector<float>& scratch) {
-  using Vector6 = Eigen::Matrix<double, 6, 1>;
-  using Matrix66 = Eigen::Matrix<double, 6, 6>;
   LowResAlignment result;
   result.T_past_current = T_past_current_prior;
-  Matrix66 prior = Matrix66::Zero();
+  Matrix6 prior = zeros<Matrix6>();
   for (int k = 0; k < 3; ++k) {
     prior(k, k) = 1.0 / (options.sigma_translation * options.sigma_translation);
     prior(k + 3, k + 3) = 1.0 / (options.sigma_rotation * options.sigma_rotation);
@@ -144,10 +143,9 @@ inline LowResAlignment align_low_res(const SmallFrame& current, const SmallFrame
   Pose T = T_past_current_prior;
   float scale = 3.0F;  // of the residuals in standard deviations; wide at first, since the prior may be off
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
-    const Eigen::Matrix3f R = T.linear().cast<float>();
-    const Eigen::Vector3f t = T.translation().cast<float>();
-    Eigen::Matrix<float, 6, 6> H = Eigen::Matrix<float, 6, 6>::Zero();
-    Eigen::Matrix<float, 6, 1> g = Eigen::Matrix<float, 6, 1>::Zero();
+    const FloatPose warp(T);
+    float H[6][6] = {};  // lower triangle
+    float g[6] = {};
     int n = 0;
     scratch.clear();
     WarpedPixel p;
@@ -155,18 +153,15 @@ inline LowResAlignment align_low_res(const SmallFrame& current, const SmallFrame
       for (int x = options.stride / 2; x < w; x += options.stride) {
         const float given = weight != nullptr ? (*weight)(x, y) : 1.0F;
         if (!(given > 0)) continue;
-        if (!warp_pixel(current, x, y, past, camera, R, t, options, p) || std::abs(p.r_depth) > gate) continue;
+        if (!warp_pixel(current, x, y, past, camera, warp, options, p) || std::abs(p.r_depth) > gate) continue;
         ++n;
         const auto add = [&](float r, const Eigen::Vector3f& a, float sigma) {
           const float s = r / sigma;
           scratch.push_back(std::abs(s));
           const float c = s / (2.3849F * scale);  // Cauchy constant of 95 % efficiency
           const float omega = given / ((1.0F + c * c) * sigma * sigma);
-          Eigen::Matrix<float, 6, 1> J;
-          J.head<3>() = a;
-          J.tail<3>() = p.Y.cross(a);
-          H.template selfadjointView<Eigen::Lower>().rankUpdate(J, omega);
-          g += omega * r * J;
+          const Eigen::Vector3f m = cross(p.Y, a);
+          add_row({a.x(), a.y(), a.z(), m.x(), m.y(), m.z()}, omega, r, H, g);
         };
         add(p.r_intensity, p.a_intensity, p.sigma_intensity);
         add(p.r_depth, p.a_depth, p.sigma_depth);
@@ -180,20 +175,21 @@ inline LowResAlignment align_low_res(const SmallFrame& current, const SmallFrame
     }
     scale = std::clamp(1.4826F * median_in_place(scratch), 1.0F, 6.0F);
     const double count = static_cast<double>(options.independent) / (2.0 * n);
-    const Vector6 offset = se3_log(T * inverse(T_past_current_prior));
-    Matrix66 A = H.cast<double>();
-    A.triangularView<Eigen::StrictlyUpper>() = A.transpose();
-    A = count * A + prior;
-    const Vector6 b = count * g.cast<double>() + prior * offset;
-    const Vector6 step = -solve_symmetric(A, b);
-    if (!step.allFinite() || step.norm() > 0.5) {
+    Matrix6 A = prior;
+    Twist b = times(prior, se3_log(compose(T, inverse(T_past_current_prior))));
+    for (int i = 0; i < 6; ++i) {
+      for (int j = 0; j <= i; ++j) A(i, j) += count * static_cast<double>(H[i][j]);
+      b(i) += count * static_cast<double>(g[i]);
+    }
+    const Twist step = times(-1.0, solve_symmetric(A, b));
+    if (!all_finite(step) || norm(step) > 0.5) {
       result.status = Status::Diverged;
       result.T_past_current = T_past_current_prior;
       return result;
     }
-    T = normalized(Pose(se3_exp(step) * T));
+    T = normalized(compose(se3_exp(step), T));
     result.status = Status::MaxIterations;
-    if (step.norm() < 1e-5) {
+    if (norm(step) < 1e-5) {
       result.status = Status::Converged;
       break;
     }

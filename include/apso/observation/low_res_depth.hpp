@@ -12,6 +12,7 @@
 #include <Eigen/Geometry>
 
 #include <apso/config.hpp>
+#include <apso/math/small_matrix.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
 #include <apso/types/rgbd_frame.hpp>
@@ -114,7 +115,7 @@ inline void depth_limits(const Image<float>& z, DepthLimits& out) {
 inline void depth_normals(const Image<float>& z, const Pinhole& camera, std::vector<Eigen::Vector3f>& out) {
   const int w = z.width();
   const int h = z.height();
-  out.assign(z.size(), Eigen::Vector3f::Zero());
+  out.assign(z.size(), Eigen::Vector3f(0, 0, 0));
   const auto point = [&](int x, int y) {
     return Eigen::Vector3f(static_cast<float>((x - camera.cx) / camera.fx) * z(x, y),
                            static_cast<float>((y - camera.cy) / camera.fy) * z(x, y), z(x, y));
@@ -131,11 +132,10 @@ inline void depth_normals(const Image<float>& z, const Pinhole& camera, std::vec
       const float step = same_surface(c);
       if (std::abs(l + r - 2 * c) > step || std::abs(u + d - 2 * c) > step) continue;
       if (std::abs(l - r) > 0.3F * c || std::abs(u - d) > 0.3F * c) continue;
-      Eigen::Vector3f n = (point(x, y + 1) - point(x, y - 1)).cross(point(x + 1, y) - point(x - 1, y));
-      const float norm = n.norm();
-      if (!(norm > 0)) continue;
-      n /= norm;
-      if (n.dot(point(x, y)) > 0) n = -n;
+      Eigen::Vector3f n = cross(minus(point(x, y + 1), point(x, y - 1)), minus(point(x + 1, y), point(x - 1, y)));
+      const float length = norm(n);
+      if (!(length > 0)) continue;
+      n = times((dot(n, point(x, y)) > 0 ? -1.0F : 1.0F) / length, n);
       out[static_cast<std::size_t>(y) * static_cast<std::size_t>(w) + static_cast<std::size_t>(x)] = n;
     }
   }

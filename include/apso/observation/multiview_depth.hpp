@@ -91,8 +91,8 @@ class MultiViewDepth {
             "MultiViewDepth::remember: the mask has another size than the frame");
     if (!views_.empty()) {
       const View& last = views_.back();
-      const Pose T = inverse(last.T_world_camera) * T_world_camera;
-      const bool new_place = T.translation().norm() >= options_.view_distance ||
+      const Pose T = compose(inverse(last.T_world_camera), T_world_camera);
+      const bool new_place = norm(translation(T)) >= options_.view_distance ||
                              rotation_angle(T) >= options_.view_angle * kDegree ||
                              clock_.now() - last.time >= options_.view_interval;
       if (!new_place) return;
@@ -135,13 +135,13 @@ class MultiViewDepth {
     double farthest = 1e-6;
     double widest = 1e-6;
     for (const View& v : views_) {
-      const Pose T = inverse(v.T_world_camera) * T_world_camera;
-      farthest = std::max(farthest, T.translation().norm());
+      const Pose T = compose(inverse(v.T_world_camera), T_world_camera);
+      farthest = std::max(farthest, norm(translation(T)));
       widest = std::max(widest, rotation_angle(T));
     }
     for (std::size_t i = 0; i < views_.size(); ++i) {
-      const Pose T = inverse(views_[i].T_world_camera) * T_world_camera;
-      rank_.push_back(0.7 * T.translation().norm() / farthest + 0.3 * rotation_angle(T) / widest);
+      const Pose T = compose(inverse(views_[i].T_world_camera), T_world_camera);
+      rank_.push_back(0.7 * norm(translation(T)) / farthest + 0.3 * rotation_angle(T) / widest);
       order_.push_back(i);
     }
     std::sort(order_.begin(), order_.end(),
@@ -150,9 +150,7 @@ class MultiViewDepth {
   }
 
   void compare(const View& view, const Pose& T_world_camera) {
-    const Pose T = inverse(T_world_camera) * view.T_world_camera;
-    const Eigen::Matrix3f R = T.linear().cast<float>();
-    const Eigen::Vector3f t = T.translation().cast<float>();
+    const FloatPose T(compose(inverse(T_world_camera), view.T_world_camera));
     const auto fx = static_cast<float>(small_.fx);
     const auto fy = static_cast<float>(small_.fy);
     const auto cx = static_cast<float>(small_.cx);
@@ -163,10 +161,10 @@ class MultiViewDepth {
       for (int x = 0; x < small_.width; ++x) {
         const float z = view.depth(x, y);
         if (!(z > 0)) continue;
-        const Eigen::Vector3f X = R * Eigen::Vector3f((static_cast<float>(x) - cx) / fx * z, (static_cast<float>(y) - cy) / fy * z, z);
-        const Eigen::Vector3f Y = X + t;  // seen from this frame; X is the same point seen from the view
+        const Eigen::Vector3f X = T.rotate((static_cast<float>(x) - cx) / fx * z, (static_cast<float>(y) - cy) / fy * z, z);
+        const Eigen::Vector3f Y(X.x() + T.t[0], X.y() + T.t[1], X.z() + T.t[2]);  // seen from this frame; X is the same point seen from the view
         if (!(Y.z() > 0.05F)) continue;
-        if (X.dot(Y) < least_cosine * X.norm() * Y.norm()) continue;
+        if (dot(X, Y) < least_cosine * norm(X) * norm(Y)) continue;
         const float u = fx * Y.x() / Y.z() + cx + 0.5F;
         const float v = fy * Y.y() / Y.z() + cy + 0.5F;
         if (!(u >= 1 && v >= 1 && u < static_cast<float>(small_.width - 1) && v < static_cast<float>(small_.height - 1))) continue;

@@ -57,7 +57,7 @@ class PastComparison {
     known_.assign(small_.width, small_.height, 0);
     history_.forget_before(current_.time - 2.0);
     if (const SmallFrame* past = history_.reference(current_.time)) {
-      compare(current_, *past, inverse(past->T_world_camera) * T_world_camera_prior, probability_, known_);
+      compare(current_, *past, compose(inverse(past->T_world_camera), T_world_camera_prior), probability_, known_);
     }
     filter_.update(current_.depth, small_, T_world_camera_prior, dt, probability_, known_);
     maker_.make(current_.depth, probability_, known_, small_, factor_, camera_.width, camera_.height, options_.mask, out);

@@ -63,13 +63,12 @@ class ResidualMotion {
 
  private:
   void read_residuals(const SmallFrame& current, const SmallFrame& past, const Pinhole& camera, const Pose& T) {
-    const Eigen::Matrix3f R = T.linear().cast<float>();
-    const Eigen::Vector3f t = T.translation().cast<float>();
+    const FloatPose warp(T);
     squared_.assign(camera.width, camera.height, -1.0F);
     WarpedPixel p;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) {
-        if (!warp_pixel(current, x, y, past, camera, R, t, options_.alignment, p)) continue;
+        if (!warp_pixel(current, x, y, past, camera, warp, options_.alignment, p)) continue;
         const float d = p.r_depth / p.sigma_depth;
         if (d < -4.0F) continue;  // uncovered: says nothing about the point
         const float i = p.r_intensity / p.sigma_intensity;

@@ -46,7 +46,7 @@ class TrackHistory {
     points.clear();
     if (frames_.empty()) return;
     const Frame& past = frames_.front();
-    flow_residuals(spans_, camera, inverse(T_world_camera) * past.T_world_camera, past.depth, factor, points);
+    flow_residuals(spans_, camera, compose(inverse(T_world_camera), past.T_world_camera), past.depth, factor, points);
   }
 
   /// Takes the new frame in.

@@ -11,6 +11,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
 #include <apso/quality/running_window.hpp>
 #include <apso/types/score.hpp>
@@ -70,25 +71,36 @@ struct MotionChange {
 
 /// The affine flow (2x3, applied to (x, y, 1) of the reference) that fits the correspondences best: four rounds of least
 /// squares in which flows far from it count less (Cauchy weights, scale 2 px). Zero for fewer than six of them.
-[[nodiscard]] inline Eigen::Matrix<double, 2, 3, Eigen::DontAlign> affine_flow(const std::vector<Correspondence>& matches) {
-  Eigen::Matrix<double, 2, 3, Eigen::DontAlign> A = Eigen::Matrix<double, 2, 3, Eigen::DontAlign>::Zero();
+[[nodiscard]] inline Eigen::Matrix<double, 2, 3> affine_flow(const std::vector<Correspondence>& matches) {
+  Eigen::Matrix<double, 2, 3> A;
+  for (int k = 0; k < 6; ++k) A(k / 3, k % 3) = 0;
   for (int round = 0; round < 4; ++round) {
-    Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
-    Eigen::Matrix<double, 3, 2> b = Eigen::Matrix<double, 3, 2>::Zero();
+    double H[3][3] = {};  // lower triangle
+    double b[2][3] = {};  // right side of each row of A
     int n = 0;
     for (const Correspondence& m : matches) {
-      const Eigen::Vector3d x(static_cast<double>(m.reference_x), static_cast<double>(m.reference_y), 1);
-      const Eigen::Vector2d f(static_cast<double>(m.x) - x[0], static_cast<double>(m.y) - x[1]);
-      if (!x.allFinite() || !f.allFinite() || f.norm() > 1e5) continue;
-      const double w = round == 0 ? 1.0 : 1.0 / (1.0 + (f - A * x).squaredNorm() / 4.0);
-      H += w * x * x.transpose();
-      b += w * x * f.transpose();
+      const double x[3] = {static_cast<double>(m.reference_x), static_cast<double>(m.reference_y), 1};
+      const double f[2] = {static_cast<double>(m.x) - x[0], static_cast<double>(m.y) - x[1]};
+      if (!std::isfinite(x[0]) || !std::isfinite(x[1]) || !(f[0] * f[0] + f[1] * f[1] <= 1e10)) continue;
+      double e[2];
+      for (int i = 0; i < 2; ++i) e[i] = f[i] - (A(i, 0) * x[0] + A(i, 1) * x[1] + A(i, 2));
+      const double w = round == 0 ? 1.0 : 1.0 / (1.0 + (e[0] * e[0] + e[1] * e[1]) / 4.0);
+      for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j <= i; ++j) H[i][j] += w * x[i] * x[j];
+        for (int j = 0; j < 2; ++j) b[j][i] += w * x[i] * f[j];
+      }
       ++n;
     }
     if (n < 6) return A;
-    H.diagonal().array() += 1e-6;
-    const Eigen::Matrix<double, 2, 3> next = solve_symmetric(H, b).transpose();
-    if (!next.allFinite()) return A;
+    for (int i = 0; i < 3; ++i) H[i][i] += 1e-6;
+    Eigen::Matrix<double, 2, 3> next;
+    for (int j = 0; j < 2; ++j) {
+      double L[3][3];
+      for (int k = 0; k < 9; ++k) L[k / 3][k % 3] = H[k / 3][k % 3];
+      solve_definite(L, 3, b[j]);
+      for (int i = 0; i < 3; ++i) next(j, i) = b[j][i];
+    }
+    if (!all_finite(next)) return A;
     A = next;
   }
   return A;
@@ -117,8 +129,7 @@ struct MotionScratch {
   scratch.flows.clear();
   scratch.cell.clear();
   scratch.first.assign(static_cast<std::size_t>(cells) + 1, 0);
-  Eigen::Matrix<double, 2, 3, Eigen::DontAlign> ego = Eigen::Matrix<double, 2, 3, Eigen::DontAlign>::Zero();
-  if (options.flow == FlowKind::Residual) ego = affine_flow(matches);
+  const Eigen::Matrix<double, 2, 3> ego = options.flow == FlowKind::Residual ? affine_flow(matches) : affine_flow({});
   for (const Correspondence& m : matches) {
     const double u = static_cast<double>(m.reference_x);
     const double v = static_cast<double>(m.reference_y);

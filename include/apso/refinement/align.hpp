@@ -93,8 +93,8 @@ template <class ReferenceIntensity, class ReferenceDepth, class CurrentIntensity
     const AlignmentResult back = aligner.align({{&current, Pose::Identity(), 1.0}}, reference, {T_guess});
     out.backward_translation = out.backward_rotation = std::numeric_limits<double>::infinity();
     if (succeeded(back.status) && succeeded(out.status)) {
-      const Pose difference = back.T_world_camera * out.detail.T_world_camera;  // there and back
-      out.backward_translation = difference.translation().norm();
+      const Pose difference = compose(back.T_world_camera, out.detail.T_world_camera);  // there and back
+      out.backward_translation = norm(translation(difference));
       out.backward_rotation = rotation_angle(difference);
     }
     if (!(out.backward_translation <= options.backward_translation) || !(out.backward_rotation <= options.backward_rotation)) {

@@ -58,9 +58,9 @@ struct BlendOptions {
 
 /// Distance of two poses in units of (sigma_translation, sigma_rotation).
 [[nodiscard]] inline double motion_distance(const Pose& a, const Pose& b, double sigma_translation, double sigma_rotation) {
-  const Twist xi = se3_log(inverse(a) * b);
-  const double t = xi.head<3>().norm() / sigma_translation;
-  const double r = xi.tail<3>().norm() / sigma_rotation;
+  const Twist xi = se3_log(compose(inverse(a), b));
+  const double t = translation_norm(xi) / sigma_translation;
+  const double r = rotation_norm(xi) / sigma_rotation;
   return std::sqrt(t * t + r * r);
 }
 
@@ -69,32 +69,29 @@ struct BlendOptions {
 /// \param S_feature quality of the features, (0,1]; used by InformationWeighted only
 [[nodiscard]] inline Pose blend_poses(const Pose& T_feature, const Pose& T_direct, double w,
                                       BlendForm form = BlendForm::ScrewLinear,
-                                      const Matrix6& direct_information = Matrix6::Zero(), const BlendOptions& o = {},
+                                      const Matrix6& direct_information = zeros<Matrix6>(), const BlendOptions& o = {},
                                       double S_feature = 1) {
   if (w >= 1) return T_feature;
   if (!(w > 0) && form != BlendForm::InformationWeighted) return T_direct;
   if (!(w > 0)) return T_direct;
   if (form == BlendForm::ScrewLinear) return sclerp(T_direct, T_feature, w);
   if (form == BlendForm::Decoupled) {
-    const Eigen::Matrix3d Rd = T_direct.linear();
-    const Eigen::Matrix3d Rf = T_feature.linear();
-    Pose T = Pose::Identity();
-    T.linear() = Eigen::Quaterniond(Rd).slerp(w, Eigen::Quaterniond(Rf)).toRotationMatrix();
-    T.translation() = (1 - w) * T_direct.translation() + w * T_feature.translation();
-    return T;
+    return make_pose(rotation(slerp(quaternion(T_direct), quaternion(T_feature), w)),
+                     plus(times(1 - w, translation(T_direct)), times(w, translation(T_feature))));
   }
   // T_f = T_d Exp(xi); the increment d = -xi of T_c_w from the left has the given information, hence so has xi.
-  Twist feature;
   const double quality = std::max(0.01, clamp01(S_feature));
-  const double sigma_t = o.feature_sigma_translation / quality;
-  const double sigma_r = o.feature_sigma_rotation / quality;
-  feature.head<3>().setConstant(1.0 / (sigma_t * sigma_t));
-  feature.tail<3>().setConstant(1.0 / (sigma_r * sigma_r));
-  const Twist xi = se3_log(inverse(T_direct) * T_feature);
-  Eigen::Matrix<double, 6, 6> A = (1 - w) * direct_information;
-  A.diagonal() += w * feature;
-  const Twist step = solve_symmetric(A, Eigen::Matrix<double, 6, 1>(w * feature.cwiseProduct(xi)));
-  return step.allFinite() ? Pose(T_direct * se3_exp(step)) : sclerp(T_direct, T_feature, w);
+  const Twist xi = se3_log(compose(inverse(T_direct), T_feature));
+  Matrix6 A = times(1 - w, direct_information);
+  Twist right;
+  for (int i = 0; i < 6; ++i) {
+    const double sigma = (i < 3 ? o.feature_sigma_translation : o.feature_sigma_rotation) / quality;
+    const double information = w / (sigma * sigma);
+    A(i, i) += information;
+    right(i) = information * xi(i);
+  }
+  const Twist step = solve_symmetric(A, right);
+  return all_finite(step) ? compose(T_direct, se3_exp(step)) : sclerp(T_direct, T_feature, w);
 }
 
 struct Blend {
@@ -108,14 +105,14 @@ struct Blend {
 /// \param T_predicted motion prediction, decides between poses that are too far apart
 [[nodiscard]] inline Blend blend_poses(const Pose& T_feature, const Pose& T_direct, const Pose& T_predicted,
                                        double S_change, double c_dir, const BlendOptions& o = {},
-                                       const Matrix6& direct_information = Matrix6::Zero(), double S_feature = 1) {
+                                       const Matrix6& direct_information = zeros<Matrix6>(), double S_feature = 1) {
   Blend b;
   b.w_diff = difference_weight(S_change, o.mu);
   b.w_eff = effective_weight(b.w_diff, c_dir);
   b.T_world_camera = T_feature;
   if (b.w_eff >= 1) return b;
-  const Twist xi = se3_log(inverse(T_direct) * T_feature);
-  if (xi.head<3>().norm() > o.gate_translation || xi.tail<3>().norm() > o.gate_rotation) {
+  const Twist xi = se3_log(compose(inverse(T_direct), T_feature));
+  if (translation_norm(xi) > o.gate_translation || rotation_norm(xi) > o.gate_rotation) {
     b.gated = true;
     const bool direct = c_dir > 0.5 &&
                         motion_distance(T_direct, T_predicted, o.sigma_translation, o.sigma_rotation) <

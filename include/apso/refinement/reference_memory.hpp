@@ -125,8 +125,8 @@ struct DepthDescriptor {
 /// \param motion Log(T_reference_current)
 [[nodiscard]] inline double reference_distance(double depth_difference, const Twist& motion, const MemoryOptions& o = {}) {
   const double d = depth_difference / o.sigma_depth;
-  const double t = motion.head<3>().norm() / o.sigma_translation;
-  const double w = motion.tail<3>().norm() / o.sigma_rotation;
+  const double t = translation_norm(motion) / o.sigma_translation;
+  const double w = rotation_norm(motion) / o.sigma_rotation;
   const double m = std::sqrt(t * t + w * w);
   return o.form == DistanceForm::Sum ? d + m : std::sqrt(d * d + m * m);
 }
@@ -163,9 +163,9 @@ class ReferenceMemory {
   [[nodiscard]] bool wants(double timestamp, const Pose& T_world_camera) const {
     if (latest_ < 0) return true;
     const Entry& e = entries_[static_cast<std::size_t>(latest_)];
-    const Pose motion = inverse(e.T_world_reference) * T_world_camera;
+    const Pose motion = compose(inverse(e.T_world_reference), T_world_camera);
     return std::abs(timestamp - e.timestamp) >= options_.spacing_time ||
-           motion.translation().norm() >= options_.spacing_translation ||
+           norm(translation(motion)) >= options_.spacing_translation ||
            rotation_angle(motion) >= options_.spacing_rotation;
   }
 
@@ -208,7 +208,7 @@ class ReferenceMemory {
       const Entry& e = entry(i);
       const auto d = descriptor_distance(descriptor, e.descriptor, options_.min_common_cells);
       if (!d) continue;
-      const double distance = reference_distance(*d, se3_log(inverse(e.T_world_reference) * T_world_predicted), options_);
+      const double distance = reference_distance(*d, se3_log(compose(inverse(e.T_world_reference), T_world_predicted)), options_);
       if (std::isfinite(distance)) order_.push_back({distance, i});
     }
     std::sort(order_.begin(), order_.end(), [&](const Candidate& a, const Candidate& b) {

@@ -193,8 +193,8 @@ class Refiner {
     if (!is_finite(T_world_camera)) return;
     const double dt = frame.timestamp - trusted_timestamp_;
     if (last_good_ && dt > 0) {
-      const Pose motion = inverse(T_world_trusted_) * T_world_camera;
-      speed_.add(motion.translation().norm() / dt);
+      const Pose motion = compose(inverse(T_world_trusted_), T_world_camera);
+      speed_.add(norm(translation(motion)) / dt);
       turn_.add(rotation_angle(motion) / dt);
     }
     trust(T_world_camera, frame.timestamp);
@@ -254,9 +254,9 @@ class Refiner {
   [[nodiscard]] bool too_fast(const Pose& T_direct, double timestamp) {
     const double dt = timestamp - trusted_timestamp_;
     if (!trusted_ || speed_.size() < options_.velocity_samples || !(dt > 0)) return false;
-    const Pose motion = inverse(T_world_trusted_) * T_direct;
+    const Pose motion = compose(inverse(T_world_trusted_), T_direct);
     const double f = options_.velocity_factor;
-    return motion.translation().norm() > dt * (f * speed_.median(0) + options_.velocity_translation) ||
+    return norm(translation(motion)) > dt * (f * speed_.median(0) + options_.velocity_translation) ||
            rotation_angle(motion) > dt * (f * turn_.median(0) + options_.velocity_rotation);
   }
 

@@ -115,8 +115,8 @@ class Warper {
         esm_(options.esm),
         static_fusion_(noise.form == NoiseForm::StaticFusion) {
     for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) R_[i][j] = static_cast<float>(T_current_reference.linear()(i, j));
-      t_[i] = static_cast<float>(T_current_reference.translation()(i));
+      for (int j = 0; j < 3; ++j) R_[i][j] = static_cast<float>(T_current_reference(i, j));
+      t_[i] = static_cast<float>(T_current_reference(i, 3));
     }
   }
 

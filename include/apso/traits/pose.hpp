@@ -137,10 +137,9 @@ template <class PoseT>
   using S = typename pose_traits<PoseT>::scalar;
   const Eigen::Matrix<S, 3, 3> R = pose_traits<PoseT>::rotation(T_a_b);
   const Eigen::Matrix<S, 3, 1> t = pose_traits<PoseT>::translation(T_a_b);
-  Pose T = Pose::Identity();
-  T.linear() = R.template cast<double>();
-  T.translation() = t.template cast<double>();
-  return T;
+  Eigen::Matrix3d R_double;
+  for (int k = 0; k < 9; ++k) R_double(k / 3, k % 3) = static_cast<double>(R(k / 3, k % 3));
+  return make_pose(R_double, {static_cast<double>(t(0)), static_cast<double>(t(1)), static_cast<double>(t(2))});
 }
 
 /// apso's pose as yours.
@@ -148,8 +147,9 @@ template <class PoseT>
 [[nodiscard]] PoseT from_pose(const Pose& T_a_b) {
   check_pose<PoseT>();
   using S = typename pose_traits<PoseT>::scalar;
-  const Eigen::Matrix<S, 3, 3> R = T_a_b.linear().template cast<S>();
-  const Eigen::Matrix<S, 3, 1> t = T_a_b.translation().template cast<S>();
+  Eigen::Matrix<S, 3, 3> R;
+  for (int k = 0; k < 9; ++k) R(k / 3, k % 3) = static_cast<S>(T_a_b(k / 3, k % 3));
+  const Eigen::Matrix<S, 3, 1> t(static_cast<S>(T_a_b(0, 3)), static_cast<S>(T_a_b(1, 3)), static_cast<S>(T_a_b(2, 3)));
   return pose_traits<PoseT>::make(R, t);
 }
 

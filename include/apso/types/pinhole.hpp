@@ -38,7 +38,11 @@ struct Pinhole {
   [[nodiscard]] Eigen::Matrix<double, 2, 3> project_jacobian(const Eigen::Vector3d& p) const {
     const double iz = 1.0 / p.z();
     Eigen::Matrix<double, 2, 3> j;
-    j << fx * iz, 0, -fx * p.x() * iz * iz, 0, fy * iz, -fy * p.y() * iz * iz;
+    j(0, 0) = fx * iz;
+    j(1, 1) = fy * iz;
+    j(0, 1) = j(1, 0) = 0;
+    j(0, 2) = -fx * p.x() * iz * iz;
+    j(1, 2) = -fy * p.y() * iz * iz;
     return j;
   }
   /// True when (u,v) lies at least `border` pixels inside the image.
