@@ -59,7 +59,8 @@ struct AlignmentOptions {
   double scale_floor = 0.25;               ///< smallest scale, in units of the noise model
   int scale_samples = 1024;                ///< pixels looked at for the scale; four times as many for the final one
   double scale_change = 0.2;               ///< relative change of a scale from which the sums are made again with the new
-  LevelSchedule alpha{4, 2, 1, 1};         ///< photometric against depth term: depth gives basin, intensity precision
+  LevelSchedule alpha{2, 1, 1, 1};         ///< photometric against depth term at 320x240 and coarser: depth gives basin,
+                                           ///< intensity precision; with noisy, badly registered depth rather {4, 2, 1, 1}
   LevelSchedule iterations{8, 10, 15, 20}; ///< most outer iterations
   LevelSchedule stop_pixels{0.01, 0.03, 0.05, 0.05};  ///< a step that moves the image by less is the last one [px]
   double stop_relative_cost = 1e-4;        ///< a relative decrease below stops
@@ -69,10 +70,13 @@ struct AlignmentOptions {
   double degenerate_ratio = 1e-3;          ///< eigenvalue below this share of the largest is degenerate
   double degenerate_floor = 50;            ///< eigenvalue below is degenerate
   int min_pixels = 300;                    ///< fewer valid pixels at the finest level fail
-  double min_valid_share = 0.3;            ///< smaller share of valid pixels is NoOverlap
+  double min_valid_share = 0.2;            ///< a smaller share of valid ones of the pixels not masked is NoOverlap
   double min_correlation = 0.3;            ///< intensities of both images that agree less are NoOverlap
   bool prealign_rotation = true;           ///< photometric rotation-only search at the coarsest level
   int prealign_iterations = 15;
+  double search_unexplained = 0.25;  ///< when more is unexplained at about 80x60, and the images
+  double search_correlation = 0.96;  ///< correlate less, other starts are tried
+  double search_angle = 0.14;        ///< between those starts [rad]
   bool check_against_guess = true;         ///< Diverged if the result is pixels away from the guess and explains the images worse
   bool per_reference_mean = false;         ///< divide each reference's term by its number of pixels
   double information_deflation = 0.01;     ///< neighbouring residuals are correlated: factor on the information
@@ -104,6 +108,9 @@ struct AlignmentOptions {
     v("min_correlation", s.min_correlation, -1.0, 1.0);
     v("prealign_rotation", s.prealign_rotation);
     v("prealign_iterations", s.prealign_iterations, 1, 1000);
+    v("search_unexplained", s.search_unexplained, 0.0, 1.0);
+    v("search_correlation", s.search_correlation, -1.0, 1.0);
+    v("search_angle", s.search_angle, 0.0, 1.0);
     v("check_against_guess", s.check_against_guess);
     v("per_reference_mean", s.per_reference_mean);
     v("information_deflation", s.information_deflation, 1e-9, 1.0);
@@ -182,8 +189,8 @@ class DirectAligner {
     for (int level = levels_ - 1; level >= 0; --level) {
       const Status s = solve_level(level, T_guess, T, converged, result, executor);
       if (!succeeded(s) && level == 0) return fail(result, s);  // a coarse level may be too small; finer ones have more
-      if (options_.regions.on && level == middle && level > 0 && moving_share() > options_.regions.moving_share) {
-        T = try_other_regions(T_guess, T_start, T, result, executor);
+      if (level == middle && level > 0) {
+        T = try_other_starts(T_guess, T_start, T, result, executor);
       }
     }
     finish(T_guess, T_start, T, converged, result, executor);
@@ -195,7 +202,8 @@ class DirectAligner {
   [[nodiscard]] AlignmentResult evaluate(const std::vector<AlignmentReference>& references, const FramePyramid& current,
                                          const Pose& T_world_camera, const Executor& executor = {}) {
     AlignmentResult result;
-    if (!begin(references, current, {T_world_camera}, result)) return result;
+    one_.assign(1, T_world_camera);
+    if (!begin(references, current, one_, result)) return result;
     const Pose T = inverse(T_world_camera);
     enter(0);
     estimate_scales(0, T, 4 * options_.scale_samples, 0);
@@ -203,7 +211,7 @@ class DirectAligner {
     result.counts = counts(accepted_);
     result.valid_share = share(result.counts);
     if (result.counts.valid < options_.min_pixels) return fail(result, Status::TooFewPixels);
-    if (result.valid_share < options_.min_valid_share) return fail(result, Status::NoOverlap);
+    if (overlap(result.counts) < options_.min_valid_share) return fail(result, Status::NoOverlap);
     report_scales(result);
     result.cost = mean_cost(accepted_);
     result.status = Status::Converged;
@@ -241,6 +249,11 @@ class DirectAligner {
   }
   static double share(const WarpCounts& c) {
     return c.selected > 0 ? static_cast<double>(c.valid) / static_cast<double>(c.selected) : 0.0;
+  }
+
+  // Pixels that fall on what is masked tell nothing about the overlap.
+  static double overlap(const WarpCounts& c) {
+    return c.selected > c.masked ? static_cast<double>(c.valid) / static_cast<double>(c.selected - c.masked) : 0.0;
   }
 
   bool begin(const std::vector<AlignmentReference>& references, const FramePyramid& current,
@@ -321,43 +334,93 @@ class DirectAligner {
     return true;
   }
 
-  // The share of the image that a pose does not explain, at the same scale for all poses.
+  // The share of what is seen that a pose does not explain, at the same scale for all poses. Tiles count by the surface
+  // that they show, depth^2, not by the image that they fill: what moves is mostly near, what does not is mostly large.
   template <class Executor>
   double unexplained(int level, const Pose& T, const Executor& executor) {
-    constexpr int kStep = 3;  // a third of the pixels will do
     enter(level);
     estimate_scales(level, T, options_.scale_samples, 0);  // for the brightness
     for (std::size_t k = 0; k < used_; ++k) terms_[k].scales.scale_intensity = terms_[k].scales.scale_depth = 0.5;
     kernel_.kind = KernelKind::GemanMcClure;
     kernel_.k = 2.0;
-    sum(level, T, trial_, executor, kStep);
-    return mean_cost(trial_, kStep);
+    sum(level, T, trial_, executor);
+    double cost = 0;
+    double weight = 0;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const Term& t = terms_[k];
+      const double both = (1 + t.scales.alpha * t.scales.alpha) * 0.5 * kernel_.k * kernel_.k;  // of an outlier
+      for (std::size_t i = 0; i < t.sums[trial_].size(); ++i) {
+        const auto depth = static_cast<double>(t.pyramid->level(level).pixels.tiles[i].depth);
+        const double w = t.level_weight * depth * depth;
+        cost += w * static_cast<double>(t.sums[trial_][i].cost) / both;
+        weight += w * static_cast<double>(t.sums[trial_][i].weight) / (1 + t.scales.alpha * t.scales.alpha);
+      }
+    }
+    return weight > 0 ? cost / weight : 1.0;
   }
 
-  // Solves the coarse levels again for parts of the view, and takes the pose that explains most of the image. It is judged
-  // one level finer, where a wrong pose shows.
+  // Solves the coarse levels again from other starts and for parts of the view, and takes the pose that explains most.
   template <class Executor>
-  Pose try_other_regions(const Pose& T_guess, const Pose& T_start, const Pose& T_all, AlignmentResult& result,
-                         const Executor& executor) {
+  Pose try_other_starts(const Pose& T_guess, const Pose& T_start, const Pose& T_found, AlignmentResult& result,
+                        const Executor& executor) {
     const int middle = middle_level();
-    const int finer = std::max(0, middle - 1);
-    Pose best = T_all;
-    double least = unexplained(finer, T_all, executor);
+    const int coarse = std::min(middle + 1, levels_ - 1);
+    const bool moving = options_.regions.on && moving_share() > options_.regions.moving_share;
+    double least = unexplained(middle, T_found, executor);
+    double correlation = 1;
+    for (std::size_t k = 0; k < used_; ++k) correlation = std::min(correlation, terms_[k].correlation);
+    const bool poor = least > options_.search_unexplained && correlation < options_.search_correlation;
+    if (!moving && !poor) return T_found;
+    const double focal = current_->level(levels_ - 1).camera.fx;
     bool converged = false;
-    for (const View view : {View::Far, View::Left, View::Right, View::Sides}) {
-      Pose T = T_start;
-      for (int level = levels_ - 1; level >= middle; --level) {
-        view_ = level == middle ? View::All : view;
+    hypotheses_.clear();
+    places_.clear();
+    const auto explore = [&](Pose T, View view) {
+      for (int level = levels_ - 1; level >= coarse; --level) {
+        view_ = view;
         (void)solve_level(level, T_guess, T, converged, result, executor);
+        view_ = View::All;
+        if (view != View::All || level < levels_ - 1) continue;
+        for (const Pose& other : places_) {  // half a pixel from where an earlier one came to rest: the same
+          if (scaled_distance(T, other, typical_depth(level)) * focal < 0.5) return;
+        }
+        places_.push_back(T);
       }
-      // what moves is mostly in front of what does not
-      const double u = unexplained(finer, T, executor) / (view == View::Far ? options_.regions.far_factor : 1.0);
+      hypotheses_.push_back({T, unexplained(coarse, T, executor)});
+    };
+    if (moving) {
+      for (const View view : {View::Far, View::Left, View::Right, View::Sides}) explore(T_start, view);
+    }
+    if (poor) {
+      // 27 directions of view, 8 degrees apart
+      const double step = options_.search_angle;
+      for (int i = 0; i < 27; ++i) {
+        Twist turn = Twist::Zero();
+        turn.tail<3>() << step * (i / 3 % 3 - 1), step * (i % 3 - 1), step * (i / 9 - 1);
+        explore(normalized(se3_exp(turn) * T_guess), View::All);
+      }
+    }
+    constexpr std::size_t kFinalists = 6;
+    const std::size_t n = std::min(kFinalists, hypotheses_.size());
+    std::partial_sort(hypotheses_.begin(), hypotheses_.begin() + static_cast<std::ptrdiff_t>(n), hypotheses_.end(),
+                      [](const Hypothesis& a, const Hypothesis& b) { return a.unexplained < b.unexplained; });
+    Pose best = T_found;
+    for (std::size_t i = 0; i < n; ++i) {
+      Pose T = hypotheses_[i].T;
+      (void)solve_level(middle, T_guess, T, converged, result, executor);
+      const double u = unexplained(middle, T, executor);
       if (u < least) {
         least = u;
         best = T;
       }
     }
     return best;
+  }
+
+  // How far two poses are apart, translations divided by a depth: about the tangent of the shift in the image.
+  [[nodiscard]] static double scaled_distance(const Pose& a, const Pose& b, double depth) {
+    const Twist e = se3_log(a * inverse(b));
+    return std::max(e.head<3>().norm() / depth, e.tail<3>().norm());
   }
 
   // Cuts the work of a level into parts.
@@ -395,7 +458,9 @@ class DirectAligner {
 
   [[nodiscard]] Warper warper(int level, const Term& t, const Pose& T_camera_world) const {
     const auto gate = static_cast<float>(std::pow(static_cast<double>(options_.warp.gate_growth), level));
-    return Warper(current_->level(level), compose(T_camera_world, t.T_world_reference), t.light, options_.warp, options_.noise, gate,
+    WarpOptions options = options_.warp;
+    options.esm = options.esm && level > 0;
+    return Warper(current_->level(level), compose(T_camera_world, t.T_world_reference), t.light, options, options_.noise, gate,
                   current_->background());
   }
 
@@ -689,7 +754,8 @@ class DirectAligner {
         for (std::size_t k = 0; k < used_; ++k) {
           Term& t = terms_[k];
           const double both = 1 + t.scales.alpha * t.scales.alpha;
-          t.labels.update(t.sums[accepted_], options_.regions, both * kernel_.rho(3.0), both);
+          t.labels.update(t.sums[accepted_], t.pyramid->level(level).pixels.tiles, options_.regions,
+                          both * kernel_.rho(3.0), both);
         }
       }
       const double before = mean_cost(accepted_);
@@ -773,7 +839,7 @@ class DirectAligner {
       fail(r, Status::TooFewPixels);
       return;
     }
-    if (r.valid_share < options_.min_valid_share || r.correlation < options_.min_correlation) {
+    if (overlap(r.counts) < options_.min_valid_share || r.correlation < options_.min_correlation) {
       fail(r, Status::NoOverlap);
       return;
     }
@@ -836,6 +902,13 @@ class DirectAligner {
   RotationSearch rotation_search_;
   std::vector<float> samples_intensity_, samples_depth_, sorted_;
   std::vector<LightSample> pairs_;
+  std::vector<Pose> one_;
+  struct Hypothesis {
+    Pose T;
+    double unexplained;
+  };
+  std::vector<Hypothesis> hypotheses_;
+  std::vector<Pose> places_;
 };
 
 APSO_NAMESPACE_END

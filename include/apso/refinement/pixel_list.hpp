@@ -51,13 +51,15 @@ struct PixelList {
 };
 
 struct SelectionOptions {
-  int max_pixels = 20000;        ///< per level; 0 = all
+  int max_pixels = 20000;        ///< at the finest level; 0 = all
+  int max_coarse_pixels = 5000;   ///< at each coarser level; 0 = all
   float edge_gradient = 0.05F;   ///< depth gradient, as a share of the depth per pixel at full size, that is an edge
   float image_noise = 4.0F / 255.0F;  ///< standard deviation of the intensity at full size: what is texture, what noise
   float depth_noise = 1;         ///< noise of the depth, as a multiple of depth_sigma: what is slope, what noise
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("max_pixels", s.max_pixels, 0, 100000000);
+    v("max_coarse_pixels", s.max_coarse_pixels, 0, 100000000);
     v("edge_gradient", s.edge_gradient, 1e-4F, 100.0F);
     v("image_noise", s.image_noise, 0.0F, 1.0F);
     v("depth_noise", s.depth_noise, 0.0F, 1000.0F);
@@ -72,11 +74,11 @@ class PixelSelector {
   /// \param gamma weights, or empty: all `background`
   /// \param level halvings from the full size
   void operator()(const Plane& intensity, const Plane& depth, const Plane& gamma, float background, const Pinhole& camera,
-                  int level, const SelectionOptions& options, PixelList& out) {
+                  int level, int max_pixels, const SelectionOptions& options, PixelList& out) {
     const int w = intensity.width();
     const int h = intensity.height();
     int b = 1;
-    while (options.max_pixels > 0 && (w / b) * (h / b) > options.max_pixels) ++b;
+    while (max_pixels > 0 && (w / b) * (h / b) > max_pixels) ++b;
     out.tile_side = (std::max(4, (w + 19) / 20) + b - 1) / b * b;
     out.columns = (w + out.tile_side - 1) / out.tile_side;
     out.rows = (h + out.tile_side - 1) / out.tile_side;

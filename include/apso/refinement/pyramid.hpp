@@ -102,7 +102,8 @@ class FramePyramid {
       if (role != PyramidRole::Reference) interleave(level);
       else level.texture.clear();
       if (role != PyramidRole::Current) {
-        selector_(level.intensity, level.depth, level.gamma, background_, cam, l, options.selection, level.pixels);
+        const int most = l == finest_ ? options.selection.max_pixels : options.selection.max_coarse_pixels;
+        selector_(level.intensity, level.depth, level.gamma, background_, cam, l, most, options.selection, level.pixels);
         find_median_depth(level);
       }
     }

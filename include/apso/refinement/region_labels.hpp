@@ -19,14 +19,12 @@ struct RegionOptions {
   double cut = 3;    ///< a tile with this many times the usual cost counts half
   double power = 4;  ///< how sharp the cut is
   double moving_share = 0.14;  ///< when more of the view seems to move, other parts of it are tried as the static one
-  double far_factor = 1.35;    ///< the far part may explain this much less and is still taken for the static one
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("on", s.on);
     v("cut", s.cut, 1.0, 1e6);
     v("power", s.power, 0.5, 100.0);
     v("moving_share", s.moving_share, 0.0, 1.0);
-    v("far_factor", s.far_factor, 1.0, 100.0);
   }
 };
 
@@ -34,8 +32,9 @@ struct RegionOptions {
 ///
 ///     l = 1 / (1 + (m / (cut m_usual))^power),  m = mean robust cost of the tile,  m_usual = its median over the tiles
 ///
-/// The median is taken over the image area, so that what is near, and therefore measured well, does not outvote what fills
-/// most of the image. Pixels that left the view say nothing about their tile.
+/// The median is taken over the surface that is seen: a tile weighs as its pixels times depth^2. What moves on its own is
+/// mostly near and fills much of the image; what is static is mostly large. Pixels that left the view say nothing about
+/// their tile.
 class RegionLabels {
  public:
   /// All static, except tiles that are not `allowed` to take part (empty = all are).
@@ -47,8 +46,10 @@ class RegionLabels {
   void forbid(std::size_t i) { labels_[i] = allowed_[i] = 0.0F; }
   [[nodiscard]] float operator[](std::size_t i) const { return labels_[i]; }
 
+  /// \param tiles sums at the present pose, `places` the tiles themselves
   /// \param charge cost of a lost pixel of weight 1, and `charge_weight` what it adds to the divisor
-  void update(const std::vector<TileSums>& tiles, const RegionOptions& o, double charge, double charge_weight) {
+  void update(const std::vector<TileSums>& tiles, const std::vector<PixelList::Tile>& places, const RegionOptions& o,
+              double charge, double charge_weight) {
     sorted_.clear();
     double total = 0;
     const auto mean = [&](const TileSums& t, double& weight) {
@@ -62,6 +63,7 @@ class RegionLabels {
       double weight = 0;
       const double m = mean(tiles[i], weight);
       if (m < 0 || !(allowed_[i] > 0)) continue;
+      weight *= static_cast<double>(places[i].depth * places[i].depth);
       sorted_.push_back({m, weight});
       total += weight;
     }

@@ -31,7 +31,8 @@ struct WarpOptions {
   float gate_growth = 5.0F;      ///< factor of the gate per coarser level
   bool gate_on = true;           ///< the gate drops what moved into or out of the way
   float depth_spread = 0.05F;    ///< largest relative difference of four depths that are interpolated
-  bool esm = true;               ///< mean of the gradients of both images; else of the reference alone
+  bool esm = true;               ///< mean of the gradients of both images; at the finest level the aligner takes those of
+                                 ///< the reference alone, where noise common to residual and gradient would pull the pose
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("z_near", s.z_near, 0.0F, 100.0F);
@@ -79,7 +80,7 @@ struct WarpedLanes {
   Lanes inverse_depth;       ///< 1 / variance of r_D [1/m^2]
   Lanes weight_intensity;    ///< gamma of a valid residual, else 0
   Lanes weight_depth;        ///< gamma of a valid residual, else 0
-  Lanes lost;                ///< gamma of a pixel that gave no residual, else 0
+  Lanes lost;                ///< gamma of a pixel that is out of view or occluded, else 0
   Lanes I[3], D[3];          ///< the a of both rows of the Jacobian
   Lanes X[3];                ///< point in the reference
   Lanes current;             ///< I_c(u)
@@ -180,7 +181,7 @@ class Warper {
     const Lanes gz2 = field(P::kDepthGradient2);
     o.valid_depth = o.valid & (least > zero) & (most - least <= spread_ * least) & (gz2 >= zero);
     o.weight_depth = select(o.valid_depth, weight, 0.0F);
-    o.lost = select(o.out_of_view | o.masked, gamma, select(gated, weight, 0.0F));
+    o.lost = select(o.out_of_view, gamma, select(gated, weight, 0.0F));
     o.residual_intensity = select(o.valid, o.current - (gain_ * field(P::kIntensity) + offset_), 0.0F);
     o.residual_depth = select(o.valid_depth, Z - Y2, 0.0F);
     o.I[0] = field(P::kI0);
