@@ -395,9 +395,11 @@ class DirectAligner {
       // 27 directions of view, 8 degrees apart
       const double step = options_.search_angle;
       for (int i = 0; i < 27; ++i) {
-        Twist turn = Twist::Zero();
-        turn.tail<3>() << step * (i / 3 % 3 - 1), step * (i % 3 - 1), step * (i / 9 - 1);
-        explore(normalized(se3_exp(turn) * T_guess), View::All);
+        Twist turn = zeros<Twist>();
+        turn(3) = step * (i / 3 % 3 - 1);
+        turn(4) = step * (i % 3 - 1);
+        turn(5) = step * (i / 9 - 1);
+        explore(normalized(compose(se3_exp(turn), T_guess)), View::All);
       }
     }
     constexpr std::size_t kFinalists = 6;
@@ -419,8 +421,8 @@ class DirectAligner {
 
   // How far two poses are apart, translations divided by a depth: about the tangent of the shift in the image.
   [[nodiscard]] static double scaled_distance(const Pose& a, const Pose& b, double depth) {
-    const Twist e = se3_log(a * inverse(b));
-    return std::max(e.head<3>().norm() / depth, e.tail<3>().norm());
+    const Twist e = se3_log(compose(a, inverse(b)));
+    return std::max(translation_norm(e) / depth, rotation_norm(e));
   }
 
   // Cuts the work of a level into parts.
