@@ -27,7 +27,7 @@ struct RefinerOptions {
   MemoryOptions memory;
   BlendOptions blend;
   DirectConfidenceOptions confidence;
-  double min_confidence = 0.1;          ///< a direct pose of less confidence is not used at all: far off, it drags all the same
+  double min_confidence = 0.5;          ///< a direct pose of less confidence is not used at all: far off, it drags all the same
   bool require_mask = true;             ///< no refinement of a dynamic frame when nobody knows what moves
   double dynamic_ratio_for_mask = 0.35; ///< dynamic ratio from which a mask is required
   double usual_scale_intensity = 0.65;  ///< start value of the running median on good frames
@@ -174,7 +174,7 @@ class Refiner {
         r.T_world_camera = r.T_world_direct;
         r.w_eff = 0;
       }
-      trust_if_sure(in.frame.timestamp);
+      trust_if_used(in.frame.timestamp);
       return r;
     }
     const Blend b = blend_poses(in.T_world_feature, r.T_world_direct,
@@ -184,7 +184,7 @@ class Refiner {
     r.w_diff = b.w_diff;
     r.w_eff = b.w_eff;
     r.gated = b.gated;
-    trust_if_sure(in.frame.timestamp);
+    trust_if_used(in.frame.timestamp);
     return r;
   }
 
@@ -246,8 +246,8 @@ class Refiner {
     trusted_timestamp_ = timestamp;
     trusted_ = true;
   }
-  void trust_if_sure(double timestamp) {
-    if (result_.c_dir > 0.5) trust(result_.T_world_direct, timestamp);
+  void trust_if_used(double timestamp) {
+    if (result_.c_dir > 0) trust(result_.T_world_direct, timestamp);
   }
   // Speed is measured from the last pose that was trusted, over the time since then: the poses between may be the wrong
   // ones that are to be repaired, and against them the way back would look fast.
