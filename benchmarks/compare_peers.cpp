@@ -1,11 +1,17 @@
 // Direct alignment beside its peers: on the same pairs, in one run, one thread. First how well each does, then what it
 // costs. compare_peers.sh builds and calls it.
+#include <malloc.h>
+
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <functional>
 #include <map>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -37,6 +43,18 @@ class Apso : public Method {
     last = aligner_.align(references_, current_, candidates_);
     confidence = apso::direct_confidence(last, 0.65, 1.1);
     return {apso::succeeded(last.status) && confidence > 0.5, apso::inverse(last.T_world_camera)};
+  }
+  // One look at all pixels of the finest level: scales, warp, weights, sums.
+  void look(const apso::Pose& T_current_reference) {
+    references_.assign(1, {&reference_, apso::Pose::Identity(), 1.0});
+    (void)aligner_.evaluate(references_, current_, apso::inverse(T_current_reference));
+  }
+  void prepare_both(const pairs::Image8& f) { build(f, current_, apso::PyramidRole::Both); }
+  template <class Executor>
+  void solve_with(const Executor& executor) {
+    references_.assign(1, {&reference_, apso::Pose::Identity(), 1.0});
+    candidates_.assign(1, apso::Pose::Identity());
+    last = aligner_.align(references_, current_, candidates_, executor);
   }
   apso::AlignmentResult last;
   double confidence = 0;
@@ -176,6 +194,88 @@ void time_methods(Methods& methods, const pairs::PairMaker& maker, int count, in
   std::printf("\nratios:%s\n", ratios.c_str());
 }
 
+// A second thread that waits for work without sleeping, so that a pair of a few milliseconds can use it.
+class TwoThreads {
+ public:
+  TwoThreads() : worker_([this] { wait(); }) {}
+  ~TwoThreads() {
+    stop_ = true;
+    worker_.join();
+  }
+  TwoThreads(const TwoThreads&) = delete;
+  TwoThreads& operator=(const TwoThreads&) = delete;
+  template <class F>
+  void operator()(int n, F&& f) const {
+    if (n < 2) {
+      for (int i = 0; i < n; ++i) f(i);
+      return;
+    }
+    task_ = [&f](int i) { f(i); };
+    next_ = 0;
+    count_ = n;
+    done_ = false;
+    ready_.store(true, std::memory_order_release);
+    for (int i = next_++; i < n; i = next_++) f(i);
+    while (!done_.load(std::memory_order_acquire)) std::this_thread::yield();
+  }
+
+ private:
+  void wait() {
+    while (!stop_) {
+      if (!ready_.exchange(false, std::memory_order_acquire)) continue;
+      for (int i = next_++; i < count_; i = next_++) task_(i);
+      done_.store(true, std::memory_order_release);
+    }
+  }
+  mutable std::function<void(int)> task_;
+  mutable std::atomic<int> next_{0};
+  mutable int count_ = 0;
+  mutable std::atomic<bool> ready_{false}, done_{true};
+  std::atomic<bool> stop_{false};
+  std::thread worker_;
+};
+
+double wall_ms() {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+// What one call needs of time and memory, apart from its peers.
+void print_resources(const pairs::PairMaker& maker, const apso::PyramidOptions& half, const apso::PyramidOptions& full,
+                     int repeats) {
+  std::printf("\n### Parts of the work\n\n| preset | a frame prepared for both roles [ms] | one look at all pixels [ms] | "
+              "memory beside the images [MB] | two threads against one |\n|---|---|---|---|---|\n");
+  const Pair pair = maker.make(0, 0.04, {});
+  for (const bool dense : {false, true}) {
+    const std::size_t before = mallinfo2().uordblks + mallinfo2().hblkhd;
+    Apso a(dense ? "dense" : "default", "", dense ? full : half, dense ? apso::dense_alignment() : apso::AlignmentOptions{});
+    a.camera(maker.camera());
+    const auto best = [&](const auto& clock, const auto& f) {
+      double least = 1e9;
+      for (int i = 0; i < repeats; ++i) {
+        const double t = clock();
+        f();
+        least = std::min(least, clock() - t);
+      }
+      return least;
+    };
+    a.prepare_reference(pair.reference);
+    a.prepare_current(pair.current);
+    (void)a.solve(apso::Pose::Identity());
+    const std::size_t after = mallinfo2().uordblks + mallinfo2().hblkhd;
+    const double one = best(wall_ms, [&] { a.solve_with(apso::SerialExecutor{}); });
+    double two = 0;
+    {
+      const TwoThreads executor;
+      two = best(wall_ms, [&] { a.solve_with(executor); });
+    }
+    const double look = best(cpu_ms, [&] { a.look(pair.T_current_reference); });
+    const double prepared = best(cpu_ms, [&] { a.prepare_both(pair.current); });
+    std::printf("| %s | %.2f | %.2f | %.1f | %.2f |\n", a.name().c_str(), prepared, look, 1e-6 * static_cast<double>(after - before),
+                one / two);
+  }
+  std::fflush(stdout);
+}
+
 // A flat wall without texture, a blank picture without depth: nothing there to align to.
 pairs::Image8 flat(int width, int height, double grey, double depth) {
   pairs::Image8 f;
@@ -265,7 +365,7 @@ int main(int argc, char** argv) {
   app.add_option("--timed", timed, "pairs that are timed; 0 = none")->check(CLI::Range(0, 1000));
   app.add_option("--repeats", repeats, "times each is run")->check(CLI::Range(1, 1000));
   app.add_option("--seed", seed, "of the pairs");
-  app.add_option("--sets", sets, "kinect clean dynamic masked rest verdict none");
+  app.add_option("--sets", sets, "kinect clean dynamic masked rest verdict parts none");
   app.add_option("--without", without, "peers to leave out: opencv open3d");
   app.add_flag("--verbose", verbose, "every pair");
   app.add_option("--recording", recording, "folder of a recording in the layout of the TUM benchmark");
@@ -280,7 +380,7 @@ int main(int argc, char** argv) {
   full.finest = 0;
   full.selection.max_pixels = 0;
   methods.push_back(std::make_unique<Apso>("apso, default (320x240)", "", half, apso::AlignmentOptions{}));
-  methods.push_back(std::make_unique<Apso>("apso, dense (640x480)", "", full, apso::AlignmentOptions{}));
+  methods.push_back(std::make_unique<Apso>("apso, dense (640x480)", "", full, apso::dense_alignment()));
   const auto wanted = [&](const char* s) { return std::find(without.begin(), without.end(), s) == without.end(); };
 #ifdef APSO_PEER_OPENCV
   if (wanted("opencv")) add_opencv(methods);
@@ -360,6 +460,7 @@ int main(int argc, char** argv) {
     score_recording(methods, recording, model, truth.empty() ? recording + "/groundtruth.txt" : truth, steps, 20);
     for (auto& m : methods) m->camera(maker.camera());
   }
+  if (has("parts")) print_resources(maker, half, full, std::max(20, repeats));
   if (timed > 0) time_methods(methods, maker, timed, repeats);
   return 0;
 }

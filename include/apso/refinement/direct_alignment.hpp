@@ -56,8 +56,8 @@ struct AlignmentOptions {
   RobustKernel kernel;                     ///< C of the cost
   bool graduated = false;                  ///< Tukey at the finest level, `kernel` before
   ScaleKind scale = ScaleKind::Mad;        ///< how the spread of the residuals is measured
-  double scale_floor = 0.25;               ///< smallest scale, in units of the noise model
-  int scale_samples = 1024;                ///< pixels looked at for the scale; four times as many for the final one
+  LevelSchedule scale_floor{0.25, 0.25, 0.25, 0.25};  ///< smallest scale, in units of the noise model
+  int scale_samples = 512;                 ///< pixels looked at for the scale; four times as many for the final one
   double scale_change = 0.2;               ///< relative change of a scale from which the sums are made again with the new
   LevelSchedule alpha{2, 1, 1, 1};         ///< photometric against depth term at 320x240 and coarser: depth gives basin,
                                            ///< intensity precision; with noisy, badly registered depth rather {4, 2, 1, 1}
@@ -91,7 +91,7 @@ struct AlignmentOptions {
     v("kernel", s.kernel);
     v("graduated", s.graduated);
     v("scale", s.scale);
-    v("scale_floor", s.scale_floor, 1e-6, 100.0);
+    v("scale_floor", s.scale_floor);
     v("scale_samples", s.scale_samples, 64, 100000000);
     v("scale_change", s.scale_change, 0.0, 100.0);
     v("alpha", s.alpha);
@@ -122,13 +122,22 @@ struct AlignmentOptions {
   }
 };
 
+/// For every pixel at full size (PyramidOptions: finest = 0, selection.max_pixels = 0), where the depth of so many pixels is
+/// the more exact of the two: equal weights, and scales as small as the images allow.
+[[nodiscard]] inline AlignmentOptions dense_alignment() {
+  AlignmentOptions o;
+  o.alpha.finest = 1;
+  o.scale_floor.finest = 0.03;
+  return o;
+}
+
 /// The settings of StaticFusion (Scona et al., ICRA 2018) without its cluster weights, for comparison.
 [[nodiscard]] inline AlignmentOptions static_fusion_alignment() {
   AlignmentOptions o;
   o.kernel.kind = KernelKind::Cauchy;
   o.kernel.k = 0.5;
   o.scale = ScaleKind::MeanAbs;
-  o.scale_floor = 1e-6;
+  o.scale_floor = {1e-6, 1e-6, 1e-6, 1e-6};
   o.alpha = {0.15, 0.15, 0.15, 0.15};
   o.noise.form = NoiseForm::StaticFusion;
   o.illumination = false;
@@ -219,7 +228,7 @@ class DirectAligner {
   }
 
  private:
-  static constexpr int kPart = 256;  // blocks of pixels of one unit of work
+  static constexpr int kPart = 128;  // blocks of pixels of one unit of work
 
   enum Buffer { accepted_ = 0, trial_ = 1 };
   struct Term {
@@ -366,10 +375,11 @@ class DirectAligner {
     const int middle = middle_level();
     const int coarse = std::min(middle + 1, levels_ - 1);
     const bool moving = options_.regions.on && moving_share() > options_.regions.moving_share;
-    double least = unexplained(middle, T_found, executor);
     double correlation = 1;
     for (std::size_t k = 0; k < used_; ++k) correlation = std::min(correlation, terms_[k].correlation);
-    const bool poor = least > options_.search_unexplained && correlation < options_.search_correlation;
+    if (!moving && correlation >= options_.search_correlation) return T_found;
+    double least = unexplained(middle, T_found, executor);
+    const bool poor = correlation < options_.search_correlation && least > options_.search_unexplained;
     if (!moving && !poor) return T_found;
     const double focal = current_->level(levels_ - 1).camera.fx;
     bool converged = false;
@@ -555,9 +565,10 @@ class DirectAligner {
       }
       t.correlation = correlate();
       Illumination light = t.light;
-      if (options_.illumination && pairs_.size() >= 32) fit_light(light);
-      const double i = std::max(options_.scale_floor, robust_scale_in_place(options_.scale, samples_intensity_));
-      const double d = std::max(options_.scale_floor, robust_scale_in_place(options_.scale, samples_depth_));
+      const double floor = std::max(1e-6, options_.scale_floor.at(level));
+      if (options_.illumination && pairs_.size() >= 32) fit_light(floor, light);
+      const double i = std::max(floor, robust_scale_in_place(options_.scale, samples_intensity_));
+      const double d = std::max(floor, robust_scale_in_place(options_.scale, samples_depth_));
       const auto differs = [&](double a, double b) { return std::abs(a - b) > tolerated * std::min(a, b); };
       const double brighter = std::abs(0.5 * static_cast<double>(light.gain - t.light.gain) +
                                        static_cast<double>(light.offset - t.light.offset));
@@ -595,10 +606,10 @@ class DirectAligner {
 
   // Robust line I_c = gain I_k + offset through the sampled pairs, held at (1, 0) by a weak prior. The residuals of the
   // sample are brought up to date.
-  void fit_light(Illumination& light) {
+  void fit_light(double floor, Illumination& light) {
     constexpr double kPrior = 100;  // 1 / 0.1^2
     sorted_ = samples_intensity_;
-    const double scale = std::max(options_.scale_floor, mad_scale_in_place(sorted_)) * 2.3849;
+    const double scale = std::max(floor, mad_scale_in_place(sorted_)) * 2.3849;
     double gain = static_cast<double>(light.gain);
     double offset = static_cast<double>(light.offset);
     for (int it = 0; it < 3; ++it) {

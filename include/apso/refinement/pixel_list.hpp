@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <cstring>
 #include <vector>
 
 #include <apso/config.hpp>
@@ -89,13 +91,16 @@ class PixelSelector {
     const int side = out.tile_side / b;
     const int per_tile = (side * side + PixelList::kBlock - 1) / PixelList::kBlock;
     out.data.resize(static_cast<std::size_t>(out.columns * out.rows * per_tile) * PixelList::kFields * PixelList::kBlock);
-    const float edge = options.edge_gradient * static_cast<float>(1 << level);
-    const auto fx = static_cast<float>(camera.fx);
-    const auto fy = static_cast<float>(camera.fy);
-    const float ifx = 1.0F / fx;
-    const float ify = 1.0F / fy;
-    const auto cx = static_cast<float>(camera.cx);
-    const auto cy = static_cast<float>(camera.cy);
+    const Images view{intensity,
+                      depth,
+                      gamma,
+                      background,
+                      static_cast<float>(camera.fx),
+                      static_cast<float>(camera.fy),
+                      static_cast<float>(camera.cx),
+                      static_cast<float>(camera.cy),
+                      options.edge_gradient * static_cast<float>(1 << level)};
+    prepare_cells(w, b);
     found_.resize(static_cast<std::size_t>(out.columns) * static_cast<std::size_t>(side * side));
     counts_.resize(static_cast<std::size_t>(out.columns));
     int block = 0;
@@ -117,55 +122,15 @@ class PixelSelector {
         tile.count = counts_[static_cast<std::size_t>(tx)];
         tile.begin = block;
         for (int at = 0; at < tile.count; at += PixelList::kBlock, ++block) {
-          float* p = out.block(block);
-          const int n = std::min(PixelList::kBlock, tile.count - at);
-          for (int i = 0; i < n; ++i) {
-            const int x = found[at + i] & 0xFFFF;
-            const int y = found[at + i] >> 16;
-            const float* I = intensity.row(y) + x;
-            const float* Z = depth.row(y) + x;
-            const float* above = depth.row(y - 1) + x;
-            const float* below = depth.row(y + 1) + x;
-            const float gx = 0.5F * (I[1] - I[-1]);
-            const float gy = 0.5F * (intensity.row(y + 1)[x] - intensity.row(y - 1)[x]);
-            const float z = *Z;
-            const auto set = [&](PixelList::Field f, float v) { p[f * PixelList::kBlock + i] = v; };
-            const float X = (static_cast<float>(x) - cx) * ifx * z;
-            const float Y = (static_cast<float>(y) - cy) * ify * z;
-            const float iz = 1.0F / z;
-            set(PixelList::kX, X);
-            set(PixelList::kY, Y);
-            set(PixelList::kZ, z);
-            set(PixelList::kIntensity, *I);
-            set(PixelList::kGradient2, gx * gx + gy * gy);
-            set(PixelList::kGamma, gamma.empty() ? background : gamma.row(y)[x]);
-            const float a0 = gx * fx * iz;
-            const float a1 = gy * fy * iz;
-            set(PixelList::kI0, a0);
-            set(PixelList::kI1, a1);
-            set(PixelList::kI2, -(a0 * X + a1 * Y) * iz);
-            const bool whole = Z[1] > 0 && Z[-1] > 0 && *above > 0 && *below > 0;
-            const float zx = whole ? 0.5F * (Z[1] - Z[-1]) : 0.0F;
-            const float zy = whole ? 0.5F * (*below - *above) : 0.0F;
-            const bool smooth = whole && zx * zx + zy * zy < edge * edge * z * z;
-            const float d0 = zx * fx * iz;
-            const float d1 = zy * fy * iz;
-            set(PixelList::kDepthGradient2, smooth ? zx * zx + zy * zy : -1.0F);
-            set(PixelList::kD0, smooth ? d0 : 0.0F);
-            set(PixelList::kD1, smooth ? d1 : 0.0F);
-            set(PixelList::kD2, smooth ? -(d0 * X + d1 * Y) * iz - 1.0F : 0.0F);
-          }
-          for (int f = 0; f < PixelList::kFields; ++f) {
-            std::fill(p + f * PixelList::kBlock + n, p + (f + 1) * PixelList::kBlock, 0.0F);
-          }
+          fill(out.block(block), found + at, std::min(PixelList::kBlock, tile.count - at), view);
         }
         tile.end = block;
-        float sum = 0;
+        Lanes sum = 0.0F;
         for (int k = tile.begin; k < tile.end; ++k) {
-          for (int i = 0; i < PixelList::kBlock; ++i) sum += out.at(k, PixelList::kZ, i);
+          for (int i = 0; i < PixelList::kBlock; i += kLanes) sum += Lanes::load(out.block(k) + PixelList::kZ * PixelList::kBlock + i);
         }
-        tile.depth = tile.count > 0 ? sum / static_cast<float>(tile.count) : 0.0F;
-        drop_noise(out, tile, b, level, fx, options);
+        tile.depth = tile.count > 0 ? sum.sum() / static_cast<float>(tile.count) : 0.0F;
+        drop_noise(out, tile, b, level, view.fx, options);
         out.tiles.push_back(tile);
         out.count += tile.count;
       }
@@ -173,6 +138,75 @@ class PixelSelector {
   }
 
  private:
+  struct Images {
+    const Plane& intensity;
+    const Plane& depth;
+    const Plane& gamma;  // or empty
+    float background;
+    float fx, fy, cx, cy;
+    float edge;  // depth gradient that is an edge, as a share of the depth
+  };
+
+  // All quantities of the pixels found[0 .. n), n <= kBlock; the rest of the block becomes 0.
+  static void fill(float* block, const int* found, int n, const Images& in) {
+    using P = PixelList;
+    enum { kPx, kPy, kI, kIl, kIr, kIu, kId, kDepth, kZl, kZr, kZu, kZd, kG, kRaw };
+    float raw[kRaw * P::kBlock] = {};
+    for (int i = 0; i < n; ++i) {
+      const int x = found[i] & 0xFFFF;
+      const int y = found[i] >> 16;
+      const float* I = in.intensity.row(y) + x;
+      const float* Z = in.depth.row(y) + x;
+      const auto set = [&](int f, float v) { raw[f * P::kBlock + i] = v; };
+      set(kPx, static_cast<float>(x));
+      set(kPy, static_cast<float>(y));
+      set(kI, *I);
+      set(kIl, I[-1]);
+      set(kIr, I[1]);
+      set(kIu, in.intensity.row(y - 1)[x]);
+      set(kId, in.intensity.row(y + 1)[x]);
+      set(kDepth, *Z);
+      set(kZl, Z[-1]);
+      set(kZr, Z[1]);
+      set(kZu, in.depth.row(y - 1)[x]);
+      set(kZd, in.depth.row(y + 1)[x]);
+      set(kG, in.gamma.empty() ? in.background : in.gamma.row(y)[x]);
+    }
+    const Lanes zero = 0.0F;
+    for (int at = 0; at < P::kBlock; at += kLanes) {
+      const auto get = [&](int f) { return Lanes::load(raw + f * P::kBlock + at); };
+      const auto put = [&](P::Field f, const Lanes& v) { v.store(block + f * P::kBlock + at); };
+      const Lanes z = get(kDepth);
+      const Lanes iz = 1.0F / select(z > zero, z, 1.0F);
+      const Lanes X = (get(kPx) - in.cx) * (1.0F / in.fx) * z;
+      const Lanes Y = (get(kPy) - in.cy) * (1.0F / in.fy) * z;
+      const Lanes gx = 0.5F * (get(kIr) - get(kIl));
+      const Lanes gy = 0.5F * (get(kId) - get(kIu));
+      put(P::kX, X);
+      put(P::kY, Y);
+      put(P::kZ, z);
+      put(P::kIntensity, get(kI));
+      put(P::kGradient2, gx * gx + gy * gy);
+      put(P::kGamma, get(kG));
+      const Lanes a0 = gx * in.fx * iz;
+      const Lanes a1 = gy * in.fy * iz;
+      put(P::kI0, a0);
+      put(P::kI1, a1);
+      put(P::kI2, zero - (a0 * X + a1 * Y) * iz);
+      const Lanes l = get(kZl), r = get(kZr), u = get(kZu), d = get(kZd);
+      const Lanes zx = 0.5F * (r - l);
+      const Lanes zy = 0.5F * (d - u);
+      const Lanes g2 = zx * zx + zy * zy;
+      const Mask smooth = (min(min(l, r), min(u, d)) > zero) & (g2 < in.edge * in.edge * z * z);
+      const Lanes d0 = select(smooth, zx * in.fx * iz, zero);
+      const Lanes d1 = select(smooth, zy * in.fy * iz, zero);
+      put(P::kDepthGradient2, select(smooth, g2, select(z > zero, -1.0F, zero)));
+      put(P::kD0, d0);
+      put(P::kD1, d1);
+      put(P::kD2, select(smooth, zero - (d0 * X + d1 * Y) * iz - 1.0F, zero));
+    }
+  }
+
   // Gradients of mere noise would make a bare wall look as if it fixed the motion along it. A tile without texture gets no
   // photometric rows; a tile that is plane within the noise gets the slope of the plane.
   static void drop_noise(PixelList& list, const PixelList::Tile& tile, int b, int level, float fx,
@@ -182,24 +216,28 @@ class PixelSelector {
     const float noise = options.image_noise * std::pow(0.3125F, static_cast<float>(level));
     float largest = 0;
     for (int i = 1; i <= b * b; ++i) largest += 1.0F / static_cast<float>(i);
-    float gradient2 = 0;
-    float n = 0, s0 = 0, s1 = 0, s2 = 0, expected = 0;
+    const float slope = options.depth_noise * fx / static_cast<float>(1 << level);
+    const Lanes zero = 0.0F;
+    Lanes gradients = zero, count = zero, sum0 = zero, sum1 = zero, squares = zero, noises = zero;
     for (int k = tile.begin; k < tile.end; ++k) {
       const float* p = list.block(k);
-      for (int i = 0; i < P::kBlock; ++i) {
-        gradient2 += p[P::kGradient2 * P::kBlock + i];
-        if (!(p[P::kGamma * P::kBlock + i] > 0) || p[P::kDepthGradient2 * P::kBlock + i] < 0) continue;
-        const float d0 = p[P::kD0 * P::kBlock + i];
-        const float d1 = p[P::kD1 * P::kBlock + i];
-        const float z = p[P::kZ * P::kBlock + i];
-        const float slope_noise = options.depth_noise * depth_sigma(z) * fx / (z * static_cast<float>(1 << level));
-        n += 1;
-        s0 += d0;
-        s1 += d1;
-        s2 += d0 * d0 + d1 * d1;
-        expected += slope_noise * slope_noise;
+      for (int i = 0; i < P::kBlock; i += kLanes) {
+        const auto get = [&](P::Field f) { return Lanes::load(p + f * P::kBlock + i); };
+        gradients += get(P::kGradient2);
+        const Mask ok = (get(P::kGamma) > zero) & (get(P::kDepthGradient2) >= zero);
+        const Lanes d0 = get(P::kD0);  // 0 unless ok
+        const Lanes d1 = get(P::kD1);
+        const Lanes z = get(P::kZ);
+        const Lanes slope_noise = select(ok, slope * max(1.425e-3F * z * z, 1e-3F) / select(ok, z, 1.0F), zero);
+        count += select(ok, 1.0F, zero);
+        sum0 += select(ok, d0, zero);
+        sum1 += select(ok, d1, zero);
+        squares += select(ok, d0 * d0 + d1 * d1, zero);
+        noises += slope_noise * slope_noise;
       }
     }
+    const float gradient2 = gradients.sum(), n = count.sum(), s0 = sum0.sum(), s1 = sum1.sum(), s2 = squares.sum();
+    const float expected = noises.sum();
     const bool bare = gradient2 < 1.5F * largest * noise * noise * static_cast<float>(tile.count);
     const float m0 = n > 0 ? s0 / n : 0.0F;
     const float m1 = n > 0 ? s1 / n : 0.0F;
@@ -219,14 +257,31 @@ class PixelSelector {
     }
   }
 
+  // The place of a pixel in its cell is kept in the last bits of its score, so that the best of a cell is a maximum of
+  // floats. `column_` holds what each column adds, `place_` the pixel for each number; the first of equal ones wins.
+  void prepare_cells(int w, int b) {
+    place_.resize(static_cast<std::size_t>(b * b));
+    for (int i = 0; i < b * b; ++i) place_[static_cast<std::size_t>(i)] = ((b - 1 - i / b) << 16) | (b - 1 - i % b);
+    bits_ = 1;
+    while (bits_ < b * b) bits_ *= 2;
+    column_.resize(static_cast<std::size_t>(w + kLanes));
+    for (int x = 0; x < w + kLanes; ++x) column_[static_cast<std::size_t>(x)] = b - 1 - x % b;
+  }
+
   // Best pixel of each cell of the rows [y0, y1), -1 where there is none.
   void choose(const Plane& intensity, const Plane& depth, const Plane& gamma, int y0, int y1, int b) {
     const int w = intensity.width();
     const int h = intensity.height();
     const int cells = (w + b - 1) / b;
-    score_.resize(w, 1);
-    top_.assign(static_cast<std::size_t>(cells), 0.0F);
-    std::fill(best_.begin(), best_.end(), -1);
+    top_.resize(w, 1);
+    float* top = top_.row(0);
+    std::fill(top, top + w, 0.0F);
+    const auto all = [](std::int32_t v) {
+      IntLanes n;
+      for (int i = 0; i < kLanes; ++i) n.v[i] = v;
+      return n;
+    };
+    const IntLanes keep = all(-bits_);  // bits_ is a power of 2: all but the last bits
     for (int y = std::max(y0, 2); y < std::min(y1, h - 2); ++y) {
       const float* I = intensity.row(y);
       const float* Ia = intensity.row(y - 1);
@@ -234,7 +289,8 @@ class PixelSelector {
       const float* Z = depth.row(y);
       const float* Za = depth.row(y - 1);
       const float* Zb = depth.row(y + 1);
-      float* s = score_.row(0);
+      const float* G = gamma.empty() ? nullptr : gamma.row(y);
+      const IntLanes row = all((b - 1 - (y - y0)) * b);
       for (int x = 0; x < w; x += kLanes) {
         const Lanes gx = Lanes::load(I + x + 1) - Lanes::load(I + x - 1);
         const Lanes gy = Lanes::load(Ib + x) - Lanes::load(Ia + x);
@@ -246,24 +302,30 @@ class PixelSelector {
         const Lanes low = min(min(l, r), min(u, d));
         const Lanes spread = max(max(l, r), max(u, d)) - low;
         // a little above 0 for any pixel with depth, ten times that where the surface goes on to all sides
-        Lanes score = gx * gx + gy * gy + select((low > Lanes(0.0F)) & (spread < 0.05F * z), Lanes(1e-3F), Lanes(1e-4F));
-        score = select(z > Lanes(0.0F), score, 0.0F);
-        if (!gamma.empty()) score = select(Lanes::load(gamma.row(y) + x) > Lanes(0.0F), score, 0.0F);
-        score.store(s + x);
+        const Lanes score =
+            gx * gx + gy * gy + select((low > Lanes(0.0F)) & (spread < 0.05F * z), Lanes(1e-3F), Lanes(1e-4F));
+        IntLanes column;
+        std::memcpy(&column.v, column_.data() + x, sizeof column.v);
+        Mask ok = z > Lanes(0.0F);
+        if (G != nullptr) ok = ok & (Lanes::load(G + x) > Lanes(0.0F));
+        const Lanes key = select(ok, from_bits((bits(score) & keep) | (row + column)), 0.0F);
+        max(key, Lanes::load(top + x)).store(top + x);
       }
-      for (int i = 0, x = 0; i < cells; ++i) {
-        for (const int end = std::min(x + b, w); x < end; ++x) {
-          if (s[x] > top_[static_cast<std::size_t>(i)] && x >= 2 && x < w - 2) {
-            top_[static_cast<std::size_t>(i)] = s[x];
-            best_[static_cast<std::size_t>(i)] = (y << 16) | x;
-          }
-        }
-      }
+    }
+    top[0] = top[1] = top[w - 2] = top[w - 1] = 0.0F;
+    for (int i = 0; i < cells; ++i) {
+      float key = 0;
+      for (int x = i * b; x < std::min((i + 1) * b, w); ++x) key = std::max(key, top[x]);
+      std::int32_t number;
+      std::memcpy(&number, &key, sizeof number);
+      const int place = place_[static_cast<std::size_t>(number & (bits_ - 1))];
+      best_[static_cast<std::size_t>(i)] = key > 0 ? ((y0 << 16) | (i * b)) + place : -1;
     }
   }
 
-  Plane score_;
-  std::vector<float> top_;
+  Plane top_;
+  std::vector<std::int32_t> place_, column_;
+  int bits_ = 1;
   std::vector<int> best_, found_, counts_;
 };
 

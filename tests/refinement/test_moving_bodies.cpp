@@ -1,0 +1,103 @@
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include <apso/refinement/direct_alignment.hpp>
+
+#include "room.hpp"
+
+using namespace apso;
+
+namespace {
+const Pinhole kCamera = room::camera(320);
+
+struct Aligned {
+  AlignmentResult result;
+  double error = 0;  // [m]
+};
+
+Aligned run(const room::Frame& r, const room::Frame& c, const Pose& T_world_current, bool mask,
+            const AlignmentOptions& options = {}) {
+  PyramidOptions o;
+  o.finest = 0;
+  FramePyramid reference, current;
+  reference.build(r.view(), kCamera, mask ? r.probability.view() : ImageView<const float>{}, o, PyramidRole::Reference);
+  current.build(c.view(), kCamera, mask ? c.probability.view() : ImageView<const float>{}, o, PyramidRole::Current);
+  DirectAligner aligner(options);
+  Aligned a;
+  a.result = aligner.align({{&reference, Pose::Identity(), 1.0}}, current, {Pose::Identity()});
+  a.error = room::translation_error(a.result.T_world_camera, T_world_current);
+  return a;
+}
+
+// The left half of what moves is not marked, and as many columns beside it are marked in error.
+void spoil(room::Frame& f) {
+  Image<float>& p = f.probability;
+  for (int y = 0; y < p.height(); ++y) {
+    int begin = 0;
+    while (begin < p.width() && !(p(begin, y) > 0)) ++begin;
+    int end = begin;
+    while (end < p.width() && p(end, y) > 0) ++end;
+    const int half = (end - begin) / 2;
+    for (int x = begin; x < begin + half; ++x) p(x, y) = 0;
+    for (int x = end; x < std::min(p.width(), end + half); ++x) p(x, y) = 1;
+  }
+}
+
+double median(std::vector<double> v) {
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+  return v[v.size() / 2];
+}
+}  // namespace
+
+TEST_CASE("a body that covers 10 to 60 % of the view: true mask, half wrong mask, no mask") {
+  for (const double share : {.1, .3, .45, .6}) {
+    CAPTURE(share);
+    std::vector<double> without_body, true_mask, half_mask, no_mask;
+    for (unsigned seed = 1; seed <= 5; ++seed) {
+      const double sign = seed % 2 == 0 ? 1 : -1;
+      const Pose T = room::pose(.02 * sign, -.01, .01 * seed, .5, -.4 * sign * seed, .3);
+      room::Slab before{true, -.3 - .5 * share, 1.5 * 320 / 262.5 * share, 1.5};
+      room::Slab after = before;
+      after.x += .05;
+      room::Frame r = room::render(kCamera, Pose::Identity(), before, 2 * seed);
+      room::Frame c = room::render(kCamera, T, after, 2 * seed + 1);
+      const room::Frame r0 = room::render(kCamera, Pose::Identity(), {}, 2 * seed);
+      const room::Frame c0 = room::render(kCamera, T, {}, 2 * seed + 1);
+      without_body.push_back(run(r0, c0, T, false).error);
+      no_mask.push_back(run(r, c, T, false).error);
+      const Aligned a = run(r, c, T, true);
+      CHECK(succeeded(a.result.status));
+      true_mask.push_back(a.error);
+      spoil(r);
+      spoil(c);
+      half_mask.push_back(run(r, c, T, true).error);
+    }
+    CHECK(median(true_mask) < 1.5 * median(without_body));
+    if (share <= .3) {  // with more, what moves is most of what is seen, and nothing but a mask can tell
+      CHECK(median(half_mask) < 2 * median(without_body));
+      CHECK(median(no_mask) < 3 * median(without_body));
+    }
+  }
+}
+
+TEST_CASE("a motion far beyond the reach of one descent is found from other starts") {
+  AlignmentOptions one;
+  one.search_correlation = -1;
+  int right = 0;
+  int right_one = 0;
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    const double a = 0.9 * seed;
+    const Pose T = room::pose(.2 * std::cos(a), .05 * std::sin(2 * a), .2 * std::sin(a), 8 * std::sin(3 * a),
+                              14 * std::cos(2 * a), 6 * std::cos(a));
+    const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 2 * seed);
+    const room::Frame c = room::render(kCamera, T, {}, 2 * seed + 1);
+    right += run(r, c, T, false).error < .005 ? 1 : 0;
+    right_one += run(r, c, T, false, one).error < .005 ? 1 : 0;
+  }
+  CHECK(right >= 11);
+  CHECK(right >= right_one + 3);
+}
