@@ -163,7 +163,7 @@ struct AlignmentResult {
   double median_depth = 0;                     ///< l [m]
   double valid_share = 0;                      ///< valid of selected pixels at the finest level
   double static_share = 1;                 ///< of the area, by the labels of the regions; 1 without labels
-  double correlation = 0;                  ///< of the intensities of both images, [-1,1]; 1 when the reference is bare
+  double correlation = 0;                  ///< of the intensities of both images, [-1,1]; 1 when one of them is bare
   double scale_intensity = 0;                  ///< final robust scale in units of the noise model; 0 = unset
   double scale_depth = 0;                      ///< the same for depth
   double cost = 0;                             ///< final mean robust cost
@@ -583,7 +583,8 @@ class DirectAligner {
     return changed;
   }
 
-  // Correlation of the sampled intensities; 1 where the reference has no more contrast than noise.
+  // Correlation of the sampled intensities; 1 where one of them has no more contrast than noise: an image that is all white
+  // or black says nothing, and depth decides.
   [[nodiscard]] double correlate() const {
     double n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
     for (const LightSample& p : pairs_) {
@@ -600,8 +601,8 @@ class DirectAligner {
     const double noise = static_cast<double>(options_.noise.sigma_intensity);
     const double vx = xx / n - x / n * (x / n);
     const double vy = yy / n - y / n * (y / n);
-    if (vx < 2 * noise * noise) return 1;
-    return vy > 1e-12 ? (xy / n - x / n * (y / n)) / std::sqrt(vx * vy) : 0.0;
+    if (std::min(vx, vy) < 2 * noise * noise) return 1;
+    return (xy / n - x / n * (y / n)) / std::sqrt(vx * vy);
   }
 
   // Robust line I_c = gain I_k + offset through the sampled pairs, held at (1, 0) by a weak prior. The residuals of the
