@@ -200,6 +200,11 @@ TEST_CASE("nothing to see is never a success") {
   }
   const PairAlignment a = align(good.intensity, good.depth, blank.intensity, blank.depth, kCamera);
   CHECK((!succeeded(a.status) || a.confidence < .5));
+  PairOptions by_depth;  // asked for, depth alone is enough where it determines the pose
+  by_depth.alignment.depth_alone = true;
+  const PairAlignment d = align(good.intensity, good.depth, blank.intensity, blank.depth, kCamera, Pose::Identity(), by_depth);
+  REQUIRE(succeeded(d.status));
+  CHECK(d.T_current_reference.translation().norm() < .002);
   CHECK_FALSE(succeeded(align(good.intensity, good.depth, blind.intensity, blind.depth, kCamera).status));
   CHECK_FALSE(succeeded(align(blind.intensity, blind.depth, good.intensity, good.depth, kCamera).status));
   Pinhole zero = kCamera;

@@ -72,6 +72,7 @@ struct AlignmentOptions {
   int min_pixels = 300;                    ///< fewer valid pixels at the finest level fail
   double min_valid_share = 0.2;            ///< a smaller share of valid ones of the pixels not masked is NoOverlap
   double min_correlation = 0.3;            ///< intensities of both images that agree less are NoOverlap
+  bool depth_alone = false;                ///< a current image that is all white or black is no failure: depth decides
   bool prealign_rotation = true;           ///< photometric rotation-only search at the coarsest level
   int prealign_iterations = 15;
   double search_unexplained = 0.25;  ///< when more is unexplained at about 80x60, and the images
@@ -106,6 +107,7 @@ struct AlignmentOptions {
     v("min_pixels", s.min_pixels, 6, 100000000);
     v("min_valid_share", s.min_valid_share, 0.0, 1.0);
     v("min_correlation", s.min_correlation, -1.0, 1.0);
+    v("depth_alone", s.depth_alone);
     v("prealign_rotation", s.prealign_rotation);
     v("prealign_iterations", s.prealign_iterations, 1, 1000);
     v("search_unexplained", s.search_unexplained, 0.0, 1.0);
@@ -163,7 +165,7 @@ struct AlignmentResult {
   double median_depth = 0;                     ///< l [m]
   double valid_share = 0;                      ///< valid of selected pixels at the finest level
   double static_share = 1;                 ///< of the area, by the labels of the regions; 1 without labels
-  double correlation = 0;                  ///< of the intensities of both images, [-1,1]; 1 when one of them is bare
+  double correlation = 0;                  ///< of the intensities of both images, [-1,1]; 1 when there is nothing to compare
   double scale_intensity = 0;                  ///< final robust scale in units of the noise model; 0 = unset
   double scale_depth = 0;                      ///< the same for depth
   double cost = 0;                             ///< final mean robust cost
@@ -583,8 +585,7 @@ class DirectAligner {
     return changed;
   }
 
-  // Correlation of the sampled intensities; 1 where one of them has no more contrast than noise: an image that is all white
-  // or black says nothing, and depth decides.
+  // Correlation of the sampled intensities; 1 where there is nothing to compare, as on a reference without contrast.
   [[nodiscard]] double correlate() const {
     double n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
     for (const LightSample& p : pairs_) {
@@ -601,7 +602,9 @@ class DirectAligner {
     const double noise = static_cast<double>(options_.noise.sigma_intensity);
     const double vx = xx / n - x / n * (x / n);
     const double vy = yy / n - y / n * (y / n);
-    if (std::min(vx, vy) < 2 * noise * noise) return 1;
+    const double bare = 2 * noise * noise;
+    if (vx < bare || (options_.depth_alone && vy < bare)) return 1;
+    if (!(vy > 1e-12)) return 0;
     return (xy / n - x / n * (y / n)) / std::sqrt(vx * vy);
   }
 

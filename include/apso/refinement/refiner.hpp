@@ -39,6 +39,7 @@ struct RefinerOptions {
   double velocity_translation = 1.5;    ///< plus this [m/s]
   double velocity_rotation = 600.0 * 3.14159265358979323846 / 180.0;  ///< or this [rad/s] is not believed
   int velocity_samples = 5;             ///< speeds needed before the gate is used
+  RefinerOptions() { alignment.depth_alone = true; }  // frames of a flash or in the dark are what is repaired here
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("pyramid", s.pyramid);
