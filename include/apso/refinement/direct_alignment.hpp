@@ -163,7 +163,7 @@ struct AlignmentResult {
   int degenerate_count = 0;                    ///< directions that kept the initial guess
   Matrix6 degenerate_projector = zeros<Matrix6>(); ///< onto those directions, for twists scaled by (1/l, 1), l = median_depth
   double median_depth = 0;                     ///< l [m]
-  double valid_share = 0;                      ///< valid of selected pixels at the finest level
+  double valid_share = 0;                      ///< valid ones of the pixels that are not masked, at the finest level
   double static_share = 1;                 ///< of the area, by the labels of the regions; 1 without labels
   double correlation = 0;                  ///< of the intensities of both images, [-1,1]; 1 when there is nothing to compare
   double scale_intensity = 0;                  ///< final robust scale in units of the noise model; 0 = unset
@@ -222,7 +222,7 @@ class DirectAligner {
     result.counts = counts(accepted_);
     result.valid_share = share(result.counts);
     if (result.counts.valid < options_.min_pixels) return fail(result, Status::TooFewPixels);
-    if (overlap(result.counts) < options_.min_valid_share) return fail(result, Status::NoOverlap);
+    if (share(result.counts) < options_.min_valid_share) return fail(result, Status::NoOverlap);
     report_scales(result);
     result.cost = mean_cost(accepted_);
     result.status = Status::Converged;
@@ -258,12 +258,8 @@ class DirectAligner {
     r.covariance = zeros<Matrix6>();
     return r;
   }
-  static double share(const WarpCounts& c) {
-    return c.selected > 0 ? static_cast<double>(c.valid) / static_cast<double>(c.selected) : 0.0;
-  }
-
   // Pixels that fall on what is masked tell nothing about the overlap.
-  static double overlap(const WarpCounts& c) {
+  static double share(const WarpCounts& c) {
     return c.selected > c.masked ? static_cast<double>(c.valid) / static_cast<double>(c.selected - c.masked) : 0.0;
   }
 
@@ -856,7 +852,7 @@ class DirectAligner {
       fail(r, Status::TooFewPixels);
       return;
     }
-    if (overlap(r.counts) < options_.min_valid_share || r.correlation < options_.min_correlation) {
+    if (share(r.counts) < options_.min_valid_share || r.correlation < options_.min_correlation) {
       fail(r, Status::NoOverlap);
       return;
     }
