@@ -29,7 +29,20 @@ namespace {
 
 struct Arguments {
   std::vector<std::string> sequences;
-  std::vector<std::string> policies;
+  std::vector<std::string> policies{"geometric",
+                                    "geometric+cluster-residual",
+                                    "epipolar",
+                                    "multiview-depth",
+                                    "cluster-residual",
+                                    "residual",
+                                    "hog-people",
+                                    "depth-refined-mask(hog-people)",
+                                    "geometric+depth-refined-mask(hog-people)",
+                                    "depth-refined-mask(boxes)",
+                                    "depth-refined-mask(boxes)&geometric",
+                                    "mask-propagation(truth)",
+                                    "truth",
+                                    "none"};
   std::string csv;
   std::string config;
   std::string model;
@@ -362,11 +375,10 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", APSO_VERSION);
   app.add_option("SEQUENCE", a.sequences, "synthetic:NAME, FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with true masks named by stamp\n"
                                           "(cameras: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim)")->required();
-  app.add_option("--policies", a.policies, "policy expressions, separated by commas, see docs/observation.md")->delimiter(',')->allow_extra_args(false)
-      ->default_val(std::vector<std::string>{"geometric", "geometric+cluster-residual", "epipolar", "multiview-depth", "cluster-residual", "residual", "hog-people",
-                                             "depth-refined-mask(hog-people)", "geometric+depth-refined-mask(hog-people)",
-                                             "depth-refined-mask(boxes)", "depth-refined-mask(boxes)&geometric",
-                                             "mask-propagation(truth)", "truth", "none"});
+  app.add_option("--policies", a.policies, "policy expressions, separated by commas, see docs/observation.md")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->default_str("fourteen of them");
   app.add_option("--frames", a.frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);
   app.add_option("--seed", a.seed, "of the synthetic sequences")->capture_default_str();
   app.add_option("--config", a.config, "YAML file with options of the policies");

@@ -180,6 +180,21 @@ TEST_CASE("a synthetic recording on disk is the one that apso_track makes on the
   CHECK(run(APSO_SYNTH, "walking_xyz --frames 0 --output " + (f.path / "no").string(), f.path).code != 0);
 }
 
+TEST_CASE("apso_motion compares its own list of policies, or those it is given") {
+  const Folder folder;
+  const std::string csv = (folder.path / "motion.csv").string();
+  const std::string command = std::string(APSO_MOTION) + " synthetic:walking_xyz --frames 3 --csv " + csv;
+  const Outcome own = run(command, folder.path);
+  REQUIRE_MESSAGE(own.code == 0, own.text);
+  CHECK(Table(csv).rows.size() == 14);
+  const Outcome given = run(command + " --policies 'truth,geometric + epipolar'", folder.path);
+  REQUIRE_MESSAGE(given.code == 0, given.text);
+  const Table table(csv);
+  REQUIRE(table.rows.size() == 2);
+  CHECK(std::stod(table.field(0, "recall")) == doctest::Approx(1));  // true masks find all
+  CHECK(run(command + " --policies nonsense", folder.path).code == 1);
+}
+
 TEST_CASE("bad input is named, and the exit code is not zero") {
   const Folder f;
   const std::string out = " --quiet --output " + (f.path / "out").string();

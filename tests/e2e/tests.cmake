@@ -1,8 +1,9 @@
 if(TARGET apso_track)
   find_package(nlohmann_json REQUIRED)
-  add_dependencies(apso_test_e2e apso_track apso_eval apso_synth)
+  add_dependencies(apso_test_e2e apso_track apso_eval apso_synth apso_motion)
   target_link_libraries(apso_test_e2e PRIVATE nlohmann_json::nlohmann_json)
   target_compile_definitions(apso_test_e2e PRIVATE APSO_TRACK="$<TARGET_FILE:apso_track>" APSO_EVAL="$<TARGET_FILE:apso_eval>"
-                                                     APSO_SYNTH="$<TARGET_FILE:apso_synth>")
+                                                     APSO_SYNTH="$<TARGET_FILE:apso_synth>"
+                                                     APSO_MOTION="$<TARGET_FILE:apso_motion>")
   set_tests_properties(e2e PROPERTIES TIMEOUT 900)
 endif()
