@@ -239,9 +239,14 @@ class PixelSelector {
     const float gradient2 = gradients.sum(), n = count.sum(), s0 = sum0.sum(), s1 = sum1.sum(), s2 = squares.sum();
     const float expected = noises.sum();
     const bool bare = gradient2 < 1.5F * largest * noise * noise * static_cast<float>(tile.count);
-    const float m0 = n > 0 ? s0 / n : 0.0F;
-    const float m1 = n > 0 ? s1 / n : 0.0F;
+    float m0 = n > 0 ? s0 / n : 0.0F;
+    float m1 = n > 0 ? s1 / n : 0.0F;
     const bool plane = n >= 8 && s2 - n * (m0 * m0 + m1 * m1) < 3 * expected;
+    // a slope within the noise of the mean is none: many tiles with such slopes would look like a surface
+    const float squared = m0 * m0 + m1 * m1;
+    const float shrink = squared > 0 && n > 0 ? std::max(0.0F, 1.0F - 4.0F * expected / (n * n * squared)) : 0.0F;
+    m0 *= shrink;
+    m1 *= shrink;
     if (!bare && !plane) return;
     for (int k = tile.begin; k < tile.end; ++k) {
       float* p = list.block(k);
