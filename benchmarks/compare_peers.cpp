@@ -216,7 +216,9 @@ class TwoThreads {
     done_ = false;
     ready_.store(true, std::memory_order_release);
     for (int i = next_++; i < n; i = next_++) f(i);
-    while (!done_.load(std::memory_order_acquire)) std::this_thread::yield();
+    if (ready_.exchange(false, std::memory_order_acquire)) return;  // the other thread did not come in time
+    while (!done_.load(std::memory_order_acquire)) {
+    }
   }
 
  private:
@@ -460,7 +462,7 @@ int main(int argc, char** argv) {
     score_recording(methods, recording, model, truth.empty() ? recording + "/groundtruth.txt" : truth, steps, 20);
     for (auto& m : methods) m->camera(maker.camera());
   }
-  if (has("parts")) print_resources(maker, half, full, std::max(20, repeats));
+  if (has("parts")) print_resources(maker, half, full, std::max(50, repeats));
   if (timed > 0) time_methods(methods, maker, timed, repeats);
   return 0;
 }
