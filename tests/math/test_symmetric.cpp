@@ -28,7 +28,7 @@ Eigen::Matrix<double, N, N> random_matrix(std::mt19937& random) {
 // Positive definite with a condition number of up to 10^decades.
 template <int N>
 Eigen::Matrix<double, N, N> positive(std::mt19937& random, double decades) {
-  const Eigen::Matrix<double, N, N> Q = random_matrix<N>(random).householderQr().householderQ();
+  const Eigen::MatrixXd Q = Eigen::MatrixXd(random_matrix<N>(random)).householderQr().householderQ();
   Eigen::Matrix<double, N, 1> d;
   for (int i = 0; i < N; ++i) d(i) = std::pow(10.0, -decades * i / (N > 1 ? N - 1 : 1));
   const Eigen::Matrix<double, N, N> A = Q * d.asDiagonal() * Q.transpose();
@@ -44,7 +44,7 @@ void check_solve() {
     const Eigen::Matrix<double, N, N> X = solve_symmetric(A, B);
     // backward stable: the residual is a few roundings of |A| |X|, whatever the condition
     CHECK((A * X - B).norm() <= 100 * N * eps * (A.norm() * X.norm() + B.norm()));
-    CHECK((A * A.ldlt().solve(B) - B).norm() <= 100 * N * eps * (A.norm() * X.norm() + B.norm()));
+    CHECK((A * Eigen::MatrixXd(A).ldlt().solve(Eigen::MatrixXd(B)) - B).norm() <= 100 * N * eps * (A.norm() * X.norm() + B.norm()));
     // only the lower triangle is read
     Eigen::Matrix<double, N, N> lower = A;
     for (int i = 0; i < N; ++i) {
@@ -67,7 +67,7 @@ void check_eigen() {
     CHECK((V.transpose() * V - Eigen::Matrix<double, N, N>::Identity()).norm() <= 50 * N * eps);
     CHECK((A * V - V * e.values.asDiagonal()).norm() <= 50 * N * eps * A.norm());
     for (int i = 1; i < N; ++i) CHECK(e.values(i - 1) <= e.values(i));
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>> other(A);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> other(A);  // of any size: compiled once
     CHECK((other.eigenvalues() - e.values).norm() <= 50 * N * eps * A.norm());
   }
 }
