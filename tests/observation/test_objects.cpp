@@ -204,7 +204,6 @@ TEST_CASE("a part of an object close to it stays with it, a large one becomes an
       arm.depth(x, y) = 1.4F;
       arm.mask.probability(x, y) = 1.0F;
     }
-  ObjectTrackerOptions options;
   const auto& one = tracker.update(arm.mask, arm.depth);
   REQUIRE(one.size() <= 2);
   CHECK(one[0].track_id == id);
