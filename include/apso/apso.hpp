@@ -68,6 +68,7 @@
 #include <apso/quality/static_pixel.hpp>
 #include <apso/quality/weighted_mean.hpp>
 #include <apso/refinement/align.hpp>
+#include <apso/refinement/alignment_options.hpp>
 #include <apso/refinement/direct_alignment.hpp>
 #include <apso/refinement/direct_confidence.hpp>
 #include <apso/refinement/noise_model.hpp>
