@@ -29,3 +29,4 @@ using Methods = std::vector<std::unique_ptr<Method>>;
 
 void add_opencv(Methods& methods);  ///< RgbdOdometry, RgbdICPOdometry of OpenCV's contributed modules
 void add_open3d(Methods& methods);  ///< hybrid odometry of Open3D, tensor and legacy
+void add_difodo(Methods& methods);  ///< range flow of MRPT, depth alone

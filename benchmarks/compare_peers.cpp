@@ -368,7 +368,7 @@ int main(int argc, char** argv) {
   app.add_option("--repeats", repeats, "times each is run")->check(CLI::Range(1, 1000));
   app.add_option("--seed", seed, "of the pairs");
   app.add_option("--sets", sets, "kinect clean dynamic masked rest verdict parts none");
-  app.add_option("--without", without, "peers to leave out: opencv open3d");
+  app.add_option("--without", without, "peers to leave out: opencv open3d difodo");
   app.add_flag("--verbose", verbose, "every pair");
   app.add_option("--recording", recording, "folder of a recording in the layout of the TUM benchmark");
   app.add_option("--truth", truth, "its trajectory");
@@ -389,6 +389,9 @@ int main(int argc, char** argv) {
 #endif
 #ifdef APSO_PEER_OPEN3D
   if (wanted("open3d")) add_open3d(methods);
+#endif
+#ifdef APSO_PEER_DIFODO
+  if (wanted("difodo")) add_difodo(methods);
 #endif
   (void)wanted;
   const pairs::PairMaker maker(seed);

@@ -2,6 +2,7 @@
 # Builds the alignment and its peers with the same flags, scores them on the same pairs, then times them in one run.
 # The last line printed: ratios: opencv_rgbd=... (the peer's time over ours). A peer that is not installed is left out:
 #   OpenCV contrib  libopencv-contrib-dev (comes with libopencv-dev)     Open3D  libopen3d-dev
+#   MRPT  libmrpt-vision-dev
 #   compare_peers.sh                    -O3 -march=native
 #   FLAGS=-O2 compare_peers.sh          plain x86-64
 #   compare_peers.sh --views 4          arguments go to the program, see --help
