@@ -1,9 +1,10 @@
 if(TARGET apso_track)
   find_package(nlohmann_json REQUIRED)
-  add_dependencies(apso_test_e2e apso_track apso_eval apso_synth apso_motion)
+  add_dependencies(apso_test_e2e apso_track apso_eval apso_synth apso_motion residual_weights)
   target_link_libraries(apso_test_e2e PRIVATE nlohmann_json::nlohmann_json)
   target_compile_definitions(apso_test_e2e PRIVATE APSO_TRACK="$<TARGET_FILE:apso_track>" APSO_EVAL="$<TARGET_FILE:apso_eval>"
                                                      APSO_SYNTH="$<TARGET_FILE:apso_synth>"
-                                                     APSO_MOTION="$<TARGET_FILE:apso_motion>")
+                                                     APSO_MOTION="$<TARGET_FILE:apso_motion>"
+                                                     APSO_WEIGHTS="$<TARGET_FILE:residual_weights>")
   set_tests_properties(e2e PROPERTIES TIMEOUT 900)
 endif()
