@@ -15,7 +15,7 @@ APSO_NAMESPACE_BEGIN
 struct DirectConfidenceOptions {
   double intensity_share = 0.0;   ///< share a of the intensity scale in u; 0.5 = geometric mean of both
   double u_low = 1.0;        ///< relative residual spread up to which the confidence is full
-  double u_high = 2.25;      ///< and from which it is zero
+  double u_high = 1.75;      ///< and from which it is zero; right results stay below 1.15 on synthetic recordings
   double min_valid_share = 0.3;
   double correlation_low = 0.7;   ///< correlation of the two images up to which the confidence is zero
   double correlation_high = 0.9;  ///< and from which it is full
