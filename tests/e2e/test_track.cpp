@@ -14,6 +14,7 @@
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include <apso/io/tum_text.hpp>
 #include <apso/testing/synthetic.hpp>
@@ -178,27 +179,42 @@ TEST_CASE("a synthetic recording on disk is the one that apso_track makes on the
   }
   CHECK(same);
 
-  // an alignment believes all of a frame against itself, and not all of people who walk
+  CHECK(run(APSO_SYNTH, "walking_xyz --frames 0 --output " + (f.path / "no").string(), f.path).code != 0);
+}
+
+TEST_CASE("an alignment believes all of a frame against itself, and doubts people who walk") {
+  const Folder f;
+  const Outcome made = run(APSO_SYNTH, "walking_xyz --frames 8 --seed 4 --quiet --output " + (f.path / "in").string(), f.path);
+  REQUIRE_MESSAGE(made.code == 0, made.text);
   const auto pair = [&](int n) { return nth_file(f.path / "in" / "rgb", n) + " " + nth_file(f.path / "in" / "depth", n) + " "; };
-  const std::string picture = (f.path / "weights.png").string();
-  const auto doubted = [&](int first, int second) {
+  const auto doubted = [&](int first, int second) {  // 255 where the picture is strongly red
+    const std::string picture = (f.path / "weights.png").string();
     const Outcome painted = run(APSO_WEIGHTS, pair(first) + pair(second) + picture, f.path);
     INFO(painted.text);
     REQUIRE(painted.code == 0);
     const cv::Mat weights = cv::imread(picture, cv::IMREAD_COLOR);
     REQUIRE(weights.size() == cv::Size(320, 240));
-    int red = 0;
+    cv::Mat red(weights.size(), CV_8UC1, cv::Scalar(0));
     for (int y = 0; y < 240; ++y) {
-      for (int x = 0; x < 320; ++x) red += weights.at<cv::Vec3b>(y, x)[2] - weights.at<cv::Vec3b>(y, x)[0] > 120 ? 1 : 0;
+      for (int x = 0; x < 320; ++x) red.at<uchar>(y, x) = weights.at<cv::Vec3b>(y, x)[2] - weights.at<cv::Vec3b>(y, x)[0] > 120 ? 255 : 0;
     }
     return red;
   };
-  CHECK(doubted(4, 4) == 0);
-  CHECK(doubted(0, 7) > 100);
+  CHECK(cv::countNonZero(doubted(4, 4)) == 0);
+
+  // the true masks of both frames, with a border: chance alone would put as much of the red there as they have of the area
+  const cv::Mat masks = cv::imread(nth_file(f.path / "in" / "masks", 0), cv::IMREAD_UNCHANGED) |
+                        cv::imread(nth_file(f.path / "in" / "masks", 7), cv::IMREAD_UNCHANGED);
+  cv::Mat people;
+  cv::resize(masks, people, {320, 240}, 0, 0, cv::INTER_NEAREST);
+  cv::dilate(people, people, cv::Mat::ones(11, 11, CV_8U));
+  const cv::Mat red = doubted(0, 7);
+  REQUIRE(cv::countNonZero(red) > 0);
+  const double inside = static_cast<double>(cv::countNonZero(red & people)) / cv::countNonZero(red);
+  CHECK(inside > 2.0 * cv::countNonZero(people) / (320 * 240));
+
   CHECK(run(APSO_WEIGHTS, pair(4) + pair(4) + (f.path / "no" / "folder.png").string(), f.path).code == 1);
   CHECK(run(APSO_WEIGHTS, "a b c d e", f.path).text.find("cannot use a") != std::string::npos);
-
-  CHECK(run(APSO_SYNTH, "walking_xyz --frames 0 --output " + (f.path / "no").string(), f.path).code != 0);
 }
 
 TEST_CASE("apso_motion compares its own list of policies, or those it is given") {

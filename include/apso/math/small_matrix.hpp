@@ -2,7 +2,7 @@
 /// Arithmetic of small vectors and matrices of fixed size as plain loops.
 ///
 /// Eigen's operators do the same. But each of their results is a type of its own, which every file that includes the
-/// library pays for with up to 0.3 s of the compiler's time (docs/compile_cost.md); these functions cost a file nothing
+/// library pays for with up to a quarter of a second of the compiler's time (docs/compile_cost.md); these functions cost a file nothing
 /// that does not call them, and next to nothing that does. The library uses them throughout; yours need not.
 #pragma once
 

@@ -1,7 +1,7 @@
 /// \file
 /// Small symmetric systems and eigenvalues, as plain loops over fixed sizes.
 ///
-/// Eigen's LDLT and SelfAdjointEigenSolver do the same, but each size of theirs costs a compiler one to four seconds in
+/// Eigen's LDLT and SelfAdjointEigenSolver do the same, but each size of theirs costs a compiler up to two and a half seconds in
 /// every file that includes the library (docs/compile_cost.md); for sizes up to 6 loops are as fast and cost nothing.
 #pragma once
 

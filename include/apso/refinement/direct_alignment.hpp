@@ -110,7 +110,7 @@ class DirectAligner {
     result.counts = counts(accepted_);
     result.valid_share = share(result.counts);
     if (result.counts.valid < options_.min_pixels) return fail(result, Status::TooFewPixels);
-    if (share(result.counts) < options_.min_valid_share) return fail(result, Status::NoOverlap);
+    if (result.valid_share < options_.min_valid_share) return fail(result, Status::NoOverlap);
     report_scales(result);
     result.cost = mean_cost(accepted_);
     result.status = Status::Converged;
@@ -740,7 +740,7 @@ class DirectAligner {
       fail(r, Status::TooFewPixels);
       return;
     }
-    if (share(r.counts) < options_.min_valid_share || r.correlation < options_.min_correlation) {
+    if (r.valid_share < options_.min_valid_share || r.correlation < options_.min_correlation) {
       fail(r, Status::NoOverlap);
       return;
     }

@@ -72,7 +72,6 @@ struct BlendOptions {
                                       const Matrix6& direct_information = zeros<Matrix6>(), const BlendOptions& o = {},
                                       double S_feature = 1) {
   if (w >= 1) return T_feature;
-  if (!(w > 0) && form != BlendForm::InformationWeighted) return T_direct;
   if (!(w > 0)) return T_direct;
   if (form == BlendForm::ScrewLinear) return sclerp(T_direct, T_feature, w);
   if (form == BlendForm::Decoupled) {
