@@ -68,9 +68,13 @@
 #include <apso/quality/static_pixel.hpp>
 #include <apso/quality/weighted_mean.hpp>
 #include <apso/refinement/align.hpp>
+#include <apso/refinement/alignment_cost.hpp>
 #include <apso/refinement/alignment_options.hpp>
+#include <apso/refinement/alignment_result.hpp>
+#include <apso/refinement/corner_search.hpp>
 #include <apso/refinement/direct_alignment.hpp>
 #include <apso/refinement/direct_confidence.hpp>
+#include <apso/refinement/illumination.hpp>
 #include <apso/refinement/noise_model.hpp>
 #include <apso/refinement/normal_equations.hpp>
 #include <apso/refinement/pixel_list.hpp>

@@ -92,7 +92,9 @@ TEST_CASE("what is warm allocates nothing") {
   const room::Frame c = room::render(kCamera, kTruth, {true, -.3, .4, 1.5}, 2);  // something moves: all paths are taken
   for (const bool masked : {false, true}) {
     FramePyramid reference, current;
-    DirectAligner aligner;
+    AlignmentOptions searching;
+    searching.search_contradicted = 0;
+    DirectAligner aligner(searching);
     std::vector<AlignmentReference> references{{&reference, Pose::Identity(), 1}};
     std::vector<Pose> candidates{Pose::Identity()};
     AlignmentResult result;

@@ -86,7 +86,7 @@ TEST_CASE("a body that covers 10 to 60 % of the view: true mask, half wrong mask
 
 TEST_CASE("a motion far beyond the reach of one descent is found from other starts") {
   AlignmentOptions one;
-  one.search_correlation = -1;
+  one.search_contradicted = 1;
   int right = 0;
   int right_one = 0;
   for (unsigned seed = 1; seed <= 12; ++seed) {

@@ -53,9 +53,8 @@ struct AlignmentOptions {
   bool depth_alone = false;                ///< a current image that is all white or black is no failure: depth decides
   bool prealign_rotation = true;           ///< photometric rotation-only search at the coarsest level
   int prealign_iterations = 15;
-  double search_unexplained = 0.25;        ///< when more of the view is unexplained at about 80x60, and the images
-  double search_correlation = 0.96;        ///< correlate less, other starts are tried
-  double search_angle = 0.14;              ///< between those starts [rad]
+  double search_contradicted = 0.12;       ///< when images of about 80x60 contradict the pose in a larger share of what both show,
+                                           ///< poses guessed from corners are tried as well; 1 = never
   bool check_against_guess = true;         ///< Diverged if the result is pixels away from the guess and explains the images worse
   bool per_reference_mean = false;         ///< divide each reference's term by its number of pixels
   double information_deflation = 0.01;     ///< neighbouring residuals are correlated: factor on the information
@@ -88,9 +87,7 @@ struct AlignmentOptions {
     v("depth_alone", s.depth_alone);
     v("prealign_rotation", s.prealign_rotation);
     v("prealign_iterations", s.prealign_iterations, 1, 1000);
-    v("search_unexplained", s.search_unexplained, 0.0, 1.0);
-    v("search_correlation", s.search_correlation, -1.0, 1.0);
-    v("search_angle", s.search_angle, 0.0, 1.0);
+    v("search_contradicted", s.search_contradicted, 0.0, 1.0);
     v("check_against_guess", s.check_against_guess);
     v("per_reference_mean", s.per_reference_mean);
     v("information_deflation", s.information_deflation, 1e-9, 1.0);

@@ -64,6 +64,8 @@ enum class PyramidRole { Current, Reference, Both };
 /// A frame at the levels finest .. coarsest. Building again with the same sizes allocates nothing.
 class FramePyramid {
  public:
+  static constexpr int kCornerWidth = 400;  ///< images wider than this are not kept of a reference [px]
+
   /// \param frame intensity in [0,1] and depth [m]; non-finite intensities get weight 0, invalid depth is dropped
   /// \param dynamic_probability [0,1], 1 = dynamic, of the size of the frame; empty = nothing is dynamic
   void build(const RgbdFrame& frame, const Pinhole& camera, ImageView<const float> dynamic_probability = {},
@@ -109,7 +111,8 @@ class FramePyramid {
     }
   }
 
-  /// Takes over what a reference needs (the selected pixels and the cameras) and none of the images.
+  /// Takes over what a reference needs: the selected pixels, the cameras, and of the images only the small ones in which
+  /// corners are looked for.
   void assign_reference(const FramePyramid& o) {
     timestamp_ = o.timestamp_;
     finest_ = o.finest_;
@@ -120,6 +123,10 @@ class FramePyramid {
       levels_[i].camera = o.levels_[i].camera;
       levels_[i].pixels = o.levels_[i].pixels;
       levels_[i].median_depth = o.levels_[i].median_depth;
+      if (o.levels_[i].camera.width > kCornerWidth) continue;
+      levels_[i].intensity = o.levels_[i].intensity;
+      levels_[i].depth = o.levels_[i].depth;
+      levels_[i].gamma = o.levels_[i].gamma;
     }
   }
 

@@ -18,13 +18,11 @@ struct RegionOptions {
   bool on = true;
   double cut = 3;    ///< a tile with this many times the usual cost counts half
   double power = 4;  ///< how sharp the cut is
-  double moving_share = 0.14;  ///< when more of the view seems to move, other parts of it are tried as the static one
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("on", s.on);
     v("cut", s.cut, 1.0, 1e6);
     v("power", s.power, 0.5, 100.0);
-    v("moving_share", s.moving_share, 0.0, 1.0);
   }
 };
 
@@ -37,13 +35,8 @@ struct RegionOptions {
 /// their tile.
 class RegionLabels {
  public:
-  /// All static, except tiles that are not `allowed` to take part (empty = all are).
-  void reset(std::size_t tiles) {
-    labels_.assign(tiles, 1.0F);
-    allowed_.assign(tiles, 1.0F);
-  }
-  /// Leaves a tile out until the next reset.
-  void forbid(std::size_t i) { labels_[i] = allowed_[i] = 0.0F; }
+  /// All static.
+  void reset(std::size_t tiles) { labels_.assign(tiles, 1.0F); }
   [[nodiscard]] float operator[](std::size_t i) const { return labels_[i]; }
 
   /// \param tiles sums at the present pose, `places` the tiles themselves
@@ -62,7 +55,7 @@ class RegionLabels {
     for (std::size_t i = 0; i < tiles.size(); ++i) {
       double weight = 0;
       const double m = mean(tiles[i], weight);
-      if (m < 0 || !(allowed_[i] > 0)) continue;
+      if (m < 0) continue;
       weight *= static_cast<double>(places[i].depth * places[i].depth);
       sorted_.push_back({m, weight});
       total += weight;
@@ -79,7 +72,7 @@ class RegionLabels {
     for (std::size_t i = 0; i < tiles.size(); ++i) {
       double weight = 0;
       const double m = mean(tiles[i], weight);
-      labels_[i] = allowed_[i] * static_cast<float>(m < 0 ? 1.0 : 1.0 / (1.0 + std::pow(m / limit, o.power)));
+      labels_[i] = static_cast<float>(m < 0 ? 1.0 : 1.0 / (1.0 + std::pow(m / limit, o.power)));
     }
   }
 
@@ -87,7 +80,7 @@ class RegionLabels {
   struct Entry {
     double cost, weight;
   };
-  std::vector<float> labels_, allowed_;
+  std::vector<float> labels_;
   std::vector<Entry> sorted_;
 };
 

@@ -18,6 +18,7 @@
 #include <apso/config.hpp>
 #include <apso/math/lanes.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/refinement/illumination.hpp>
 #include <apso/refinement/noise_model.hpp>
 #include <apso/refinement/pixel_list.hpp>
 #include <apso/refinement/pyramid.hpp>
@@ -64,12 +65,6 @@ struct WarpCounts {
     masked += o.masked;
     return *this;
   }
-};
-
-/// Brightness of the current frame against the reference: I_c = gain I_k + offset.
-struct Illumination {
-  float gain = 1;
-  float offset = 0;
 };
 
 /// What happened to kLanes pixels.

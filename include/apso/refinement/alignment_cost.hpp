@@ -1,0 +1,354 @@
+/// \file
+/// The cost of direct alignment at one level, as a function of the pose: sums over all references, robust scales, brightness
+/// and labels of regions.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <apso/config.hpp>
+#include <apso/math/robust_kernel.hpp>
+#include <apso/math/robust_scale.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/math/small_matrix.hpp>
+#include <apso/options.hpp>
+#include <apso/refinement/alignment_options.hpp>
+#include <apso/refinement/alignment_result.hpp>
+#include <apso/refinement/illumination.hpp>
+#include <apso/refinement/normal_equations.hpp>
+#include <apso/refinement/pyramid.hpp>
+#include <apso/refinement/region_labels.hpp>
+#include <apso/refinement/residuals.hpp>
+#include <apso/status.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Evaluates the cost of poses T_camera_world of the current frame against all references, at the level that was entered
+/// last. Sums are kept twice, at the pose that was accepted and at one on trial. Keeps its buffers. Deterministic for any
+/// executor.
+class AlignmentCost {
+ public:
+  enum Buffer { kAccepted = 0, kTrial = 1 };
+
+  explicit AlignmentCost(const AlignmentOptions& options) : options_(options) { validate(options_, "alignment"); }
+  [[nodiscard]] const AlignmentOptions& options() const { return options_; }
+
+  /// Takes up the frames. References of weight 0 and such without a finite pose are left out.
+  /// \return false if no reference remains
+  bool begin(const std::vector<AlignmentReference>& references, const FramePyramid& current) {
+    expects(!current.empty(), "DirectAligner: the current pyramid was not built");
+    expects(!current.level(0).texture.empty(), "DirectAligner: the current pyramid was prepared as reference only");
+    current_ = &current;
+    if (terms_.size() < references.size()) terms_.resize(references.size());
+    used_ = 0;
+    for (const AlignmentReference& r : references) {
+      expects(r.pyramid != nullptr && !r.pyramid->empty(), "DirectAligner: a reference pyramid was not built");
+      expects(r.pyramid->size() == current.size() &&
+                  r.pyramid->level(0).camera.width == current.level(0).camera.width &&
+                  r.pyramid->level(0).camera.height == current.level(0).camera.height,
+              "DirectAligner: reference and current pyramid differ in levels or size");
+      if (!(r.weight > 0) || !std::isfinite(r.weight) || !is_finite(r.T_world_reference)) continue;
+      Term& t = terms_[used_++];
+      t.pyramid = r.pyramid;
+      t.T_world_reference = r.T_world_reference;
+      t.weight = r.weight;
+      t.light = Illumination{};
+    }
+    return used_ > 0;
+  }
+
+  /// Turns to a level: all regions count as static, and the scales have to be estimated or set.
+  void enter(int level) {
+    level_ = level;
+    parts_.clear();
+    for (std::size_t k = 0; k < used_; ++k) {
+      Term& t = terms_[k];
+      const PixelList& list = t.pyramid->level(level).pixels;
+      const int n = static_cast<int>(list.tiles.size());
+      for (auto& s : t.sums) s.resize(static_cast<std::size_t>(n));
+      t.labels.reset(static_cast<std::size_t>(n));
+      for (int b = 0; b < n;) {
+        Part p;
+        p.term = static_cast<int>(k);
+        p.begin = b;
+        const int first = list.tiles[static_cast<std::size_t>(b)].begin;
+        while (b < n && list.tiles[static_cast<std::size_t>(b)].end - first <= kPart) ++b;
+        p.end = b = std::max(b, p.begin + 1);
+        parts_.push_back(p);
+      }
+      t.scales.alpha = options_.alpha.at(level);
+      t.level_weight = options_.per_reference_mean ? t.weight * 2e4 / std::max(1, list.count) : t.weight;
+    }
+    kernel_ = options_.kernel;
+    if (options_.graduated && level == 0) {
+      kernel_.kind = KernelKind::Tukey;
+      kernel_.k = 0;
+    }
+  }
+  void set_scales(double scale) {
+    for (std::size_t k = 0; k < used_; ++k) terms_[k].scales.scale_intensity = terms_[k].scales.scale_depth = scale;
+  }
+  void set_kernel(KernelKind kind, double k) {
+    kernel_.kind = kind;
+    kernel_.k = k;
+  }
+
+  [[nodiscard]] int levels() const { return current_->size(); }
+  [[nodiscard]] const PyramidLevel& current(int level) const { return current_->level(level); }
+  [[nodiscard]] const FramePyramid& first_reference() const { return *terms_.front().pyramid; }
+  [[nodiscard]] const Pose& first_T_world_reference() const { return terms_.front().T_world_reference; }
+
+  /// Mean over the references of the median depth of their pixels [m].
+  [[nodiscard]] double typical_depth() const {
+    double sum = 0;
+    double weight = 0;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const PyramidLevel& l = terms_[k].pyramid->level(level_);
+      sum += static_cast<double>(l.median_depth) * l.pixels.count;
+      weight += l.pixels.count;
+    }
+    return weight > 0 && sum > 0 ? sum / weight : 1.0;
+  }
+
+  /// One pass over all pixels: the sums of every `step`-th tile.
+  template <class Executor>
+  void sum(const Pose& T_camera_world, Buffer buffer, const Executor& executor, int step = 1) {
+    executor(static_cast<int>(parts_.size()), [&](int i) {
+      Part& p = parts_[static_cast<std::size_t>(i)];
+      Term& t = terms_[static_cast<std::size_t>(p.term)];
+      const PixelList& list = t.pyramid->level(level_).pixels;
+      TileSummer summer(warper(t, T_camera_world), kernel_, t.scales);
+      for (int k = (p.begin + step - 1) / step * step; k < p.end; k += step) {
+        const auto n = static_cast<std::size_t>(k);
+        summer(list, list.tiles[n], t.sums[buffer][n]);
+      }
+      p.counts = summer.counts();
+    });
+    for (std::size_t k = 0; k < used_; ++k) terms_[k].counts[buffer] = WarpCounts{};
+    for (const Part& p : parts_) terms_[static_cast<std::size_t>(p.term)].counts[buffer] += p.counts;
+  }
+  /// What was on trial is accepted.
+  void accept_trial() {
+    for (std::size_t k = 0; k < used_; ++k) {
+      Term& t = terms_[k];
+      std::swap(t.sums[kAccepted], t.sums[kTrial]);
+      std::swap(t.counts[kAccepted], t.counts[kTrial]);
+    }
+  }
+
+  [[nodiscard]] WarpCounts counts() const {
+    WarpCounts c;
+    for (std::size_t k = 0; k < used_; ++k) c += terms_[k].counts[kAccepted];
+    return c;
+  }
+  /// Mean robust cost of every `step`-th tile, by the labels; infinite if nothing is seen.
+  [[nodiscard]] double mean(Buffer buffer, std::size_t step = 1) const {
+    double cost = 0;
+    double weight = 0;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const Term& t = terms_[k];
+      for (std::size_t i = 0; i < t.sums[buffer].size(); i += step) {
+        const double w = t.level_weight * static_cast<double>(t.labels[i]);
+        cost += w * static_cast<double>(t.sums[buffer][i].cost);
+        weight += w * static_cast<double>(t.sums[buffer][i].weight);
+      }
+    }
+    return weight > 0 ? cost / weight : std::numeric_limits<double>::infinity();
+  }
+  /// Of the accepted sums, for an increment of T_camera_world from the left.
+  [[nodiscard]] NormalEquations normal_equations(const Pose& T_camera_world) const {
+    NormalEquations all;
+    for (std::size_t k = 0; k < used_; ++k) {
+      PixelSums<double> sum{};
+      const Term& t = terms_[k];
+      for (std::size_t i = 0; i < t.sums[kAccepted].size(); ++i) add(sum, t.sums[kAccepted][i], t.labels[i]);
+      NormalEquations n = moved_to_left(sum.equations(), compose(T_camera_world, t.T_world_reference));
+      n.H = times(t.level_weight, n.H);
+      n.b = times(t.level_weight, n.b);
+      all += n;
+    }
+    return all;
+  }
+
+  /// Labels of the regions from the accepted sums.
+  void update_labels() {
+    if (!options_.regions.on) return;
+    for (std::size_t k = 0; k < used_; ++k) {
+      Term& t = terms_[k];
+      const double both = 1 + t.scales.alpha * t.scales.alpha;
+      t.labels.update(t.sums[kAccepted], t.pyramid->level(level_).pixels.tiles, options_.regions, both * kernel_.rho(3.0), both);
+    }
+  }
+  /// Share of the area whose label says that it moves.
+  [[nodiscard]] double moving_share() const {
+    double moving = 0;
+    double all = 0;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const Term& t = terms_[k];
+      for (std::size_t i = 0; i < t.sums[kAccepted].size(); ++i) {
+        const double w = static_cast<double>(t.sums[kAccepted][i].weight);
+        all += w;
+        moving += w * (1 - static_cast<double>(t.labels[i]));
+      }
+    }
+    return all > 0 ? moving / all : 0.0;
+  }
+
+  /// Robust scales, and brightness, from about `most` pixels of each reference. They are kept unless one of them differs
+  /// by more than `tolerated`, since costs can be compared only at the same scales.
+  /// \return whether they were changed
+  bool estimate_scales(const Pose& T_camera_world, int most, double tolerated) {
+    bool changed = false;
+    for (std::size_t k = 0; k < used_; ++k) {
+      Term& t = terms_[k];
+      sample(t, T_camera_world, most);
+      t.correlation = intensity_correlation(pairs_, static_cast<double>(options_.noise.sigma_intensity), options_.depth_alone);
+      Illumination light = t.light;
+      const double floor = std::max(1e-6, options_.scale_floor.at(level_));
+      if (options_.illumination && pairs_.size() >= 32) fit_illumination(pairs_, floor, samples_intensity_, sorted_, light);
+      const double i = std::max(floor, robust_scale_in_place(options_.scale, samples_intensity_));
+      const double d = std::max(floor, robust_scale_in_place(options_.scale, samples_depth_));
+      const auto differs = [&](double a, double b) { return std::abs(a - b) > tolerated * std::min(a, b); };
+      const double brighter = std::abs(0.5 * static_cast<double>(light.gain - t.light.gain) +
+                                       static_cast<double>(light.offset - t.light.offset));
+      if (differs(i, t.scales.scale_intensity) || differs(d, t.scales.scale_depth) ||
+          brighter > tolerated * static_cast<double>(options_.noise.sigma_intensity) * i) {
+        t.scales.scale_intensity = i;
+        t.scales.scale_depth = d;
+        t.light = light;
+        changed = true;
+      }
+    }
+    return changed;
+  }
+  /// Scales as geometric mean over the references, weighted by B_k N_k; brightness; least correlation.
+  void report_scales(AlignmentResult& r) const {
+    double weight = 0;
+    double i = 0;
+    double d = 0;
+    r.correlation = 1;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const Term& t = terms_[k];
+      const double w = t.weight * t.counts[kAccepted].valid;
+      weight += w;
+      i += w * std::log(t.scales.scale_intensity);
+      d += w * std::log(t.scales.scale_depth);
+      r.correlation = std::min(r.correlation, t.correlation);
+    }
+    r.scale_intensity = weight > 0 ? std::exp(i / weight) : 0.0;
+    r.scale_depth = weight > 0 ? std::exp(d / weight) : 0.0;
+    r.illumination = terms_.front().light;
+  }
+
+  /// How well a pose explains the view, by a bounded cost at one scale for all poses.
+  struct Evidence {
+    double contradicted = 1;  ///< share of what both images show that does not agree, [0,1]
+    double support = 0;       ///< what agrees minus what does not, as share of all pixels, [-1,1]
+  };
+  /// Tiles count by the surface that they show, depth^2, not by the image that they fill: what moves is mostly near, what
+  /// does not is mostly large. What leaves the view counts neither way.
+  template <class Executor>
+  [[nodiscard]] Evidence evidence(int level, const Pose& T_camera_world, const Executor& executor) {
+    enter(level);
+    estimate_scales(T_camera_world, options_.scale_samples, 0);  // for the brightness
+    set_scales(0.5);
+    set_kernel(KernelKind::GemanMcClure, 2.0);
+    sum(T_camera_world, kTrial, executor);
+    const double outlier = 0.5 * kernel_.k * kernel_.k;
+    double against = 0;
+    double seen = 0;
+    double all = 0;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const Term& t = terms_[k];
+      const double both = 1 + t.scales.alpha * t.scales.alpha;
+      const double charge = both * kernel_.rho(3.0);
+      for (std::size_t i = 0; i < t.sums[kTrial].size(); ++i) {
+        const TileSums& s = t.sums[kTrial][i];
+        const auto depth = static_cast<double>(t.pyramid->level(level).pixels.tiles[i].depth);
+        const double w = t.level_weight * depth * depth;
+        const double lost = static_cast<double>(s.lost);
+        against += w * std::max(0.0, static_cast<double>(s.cost) - charge * lost) / outlier;
+        seen += w * (static_cast<double>(s.weight) - both * lost);
+        all += w * static_cast<double>(s.weight);
+      }
+    }
+    Evidence e;
+    if (seen > 0) e.contradicted = against / seen;
+    if (all > 0) e.support = (seen - 2 * against) / all;
+    return e;
+  }
+
+ private:
+  static constexpr int kPart = 128;  // blocks of pixels of one unit of work
+
+  struct Term {
+    const FramePyramid* pyramid = nullptr;
+    Pose T_world_reference = Pose::Identity();
+    double weight = 1;        // B_k
+    double level_weight = 1;  // the same, divided by the pixels if asked for
+    TermScales scales;
+    Illumination light;
+    double correlation = 0;  // of the sampled intensities
+    std::vector<TileSums> sums[2];
+    RegionLabels labels;
+    WarpCounts counts[2];
+  };
+  struct Part {
+    int term = 0;
+    int begin = 0;  // tiles
+    int end = 0;
+    WarpCounts counts;
+  };
+
+  [[nodiscard]] Warper warper(const Term& t, const Pose& T_camera_world) const {
+    const auto gate = static_cast<float>(std::pow(static_cast<double>(options_.warp.gate_growth), level_));
+    WarpOptions options = options_.warp;
+    options.esm = options.esm && level_ > 0;
+    return Warper(current_->level(level_), compose(T_camera_world, t.T_world_reference), t.light, options, options_.noise, gate,
+                  current_->background());
+  }
+
+  // Residuals in units of the noise, and intensities, of about `most` pixels.
+  void sample(const Term& t, const Pose& T_camera_world, int most) {
+    const PixelList& list = t.pyramid->level(level_).pixels;
+    const Warper warp = warper(t, T_camera_world);
+    const int blocks = list.blocks();
+    const int n = std::min(blocks, std::max(1, most / PixelList::kBlock));
+    samples_intensity_.clear();
+    samples_depth_.clear();
+    pairs_.clear();
+    for (int i = 0; i < n; ++i) {
+      const float* block = list.block(static_cast<int>(static_cast<long long>(i) * blocks / n));
+      for (int at = 0; at < PixelList::kBlock; at += kLanes) {
+        WarpedLanes o;
+        warp.warp(block, at, o);
+        for (int j = 0; j < kLanes; ++j) {
+          if (o.weight_intensity[j] > 0) {
+            const float inverse_sigma = std::sqrt(o.inverse_intensity[j]);
+            samples_intensity_.push_back(o.residual_intensity[j] * inverse_sigma);
+            pairs_.push_back({block[PixelList::kIntensity * PixelList::kBlock + at + j], o.current[j], inverse_sigma});
+          }
+          if (o.weight_depth[j] > 0) samples_depth_.push_back(o.residual_depth[j] * std::sqrt(o.inverse_depth[j]));
+        }
+      }
+    }
+  }
+
+  AlignmentOptions options_;
+  RobustKernel kernel_;
+  const FramePyramid* current_ = nullptr;
+  int level_ = 0;
+  std::size_t used_ = 0;  // terms of this call
+  std::vector<Term> terms_;
+  std::vector<Part> parts_;
+  std::vector<float> samples_intensity_, samples_depth_, sorted_;
+  std::vector<IntensityPair> pairs_;
+};
+
+APSO_NAMESPACE_END

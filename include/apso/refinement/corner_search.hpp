@@ -1,0 +1,296 @@
+/// \file
+/// Motions between two frames guessed from corners that look alike: where a descent on the images may start when it
+/// found nothing near the initial guess.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <apso/config.hpp>
+#include <apso/math/lanes.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/math/small_matrix.hpp>
+#include <apso/math/symmetric.hpp>
+#include <apso/refinement/plane.hpp>
+#include <apso/refinement/pyramid.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Corners of one level of a frame: points, and what they look like.
+struct CornerSet {
+  static constexpr int kSide = 8;                ///< of a patch [px]
+  static constexpr int kPatch = kSide * kSide;
+  std::vector<Eigen::Vector3f> points;           ///< in the camera [m]
+  std::vector<float> patches;                    ///< kPatch each; mean 0, length 1
+  [[nodiscard]] std::size_t size() const { return points.size(); }
+};
+
+/// Guesses rigid motions from two levels of about 160 x 120 pixels. Corners (Shi and Tomasi, CVPR 1994), one per cell so that
+/// they cover the view; matched where each is the other's best by normalised correlation; motions through three matches
+/// each that keep their distances, judged by how many other matches they bring together (RANSAC, Fischler and Bolles,
+/// 1981), each refined on those. Deterministic. About 1 ms; keeps its buffers.
+class CornerSearch {
+ public:
+  /// \param T_current_reference receives guesses, the one with the most matches first, none twice; may stay empty
+  void operator()(const PyramidLevel& reference, const PyramidLevel& current, std::vector<Pose>& T_current_reference) {
+    T_current_reference.clear();
+    describe(reference, reference_);
+    describe(current, current_);
+    match();
+    if (matches_.size() < kLeast) return;
+    guesses_.clear();
+    std::uint32_t state = 1;
+    const auto draw = [&] {  // linear congruential, constants of Numerical Recipes; the high bits are the random ones
+      state = state * 1664525U + 1013904223U;
+      return static_cast<std::size_t>((static_cast<std::uint64_t>(state) * matches_.size()) >> 32U);
+    };
+    for (int trial = 0; trial < kTrials; ++trial) {
+      const std::array<std::size_t, 3> three{draw(), draw(), draw()};
+      Pose T;
+      if (!through(three, T)) continue;
+      const int n = inliers(T);
+      if (n < static_cast<int>(kLeast)) continue;
+      guesses_.push_back({T, n});
+    }
+    for (int i = 0; i < kGuesses && !guesses_.empty(); ++i) {
+      const auto best = std::max_element(guesses_.begin(), guesses_.end(),
+                                         [](const Guess& a, const Guess& b) { return a.inliers < b.inliers; });
+      Pose T = best->T;
+      for (int k = 0; k < 3; ++k) refine(T);
+      (void)inliers(T);
+      T_current_reference.push_back(T);
+      // what brings together the same points is the same guess
+      taken_ = supports_;
+      guesses_.erase(std::remove_if(guesses_.begin(), guesses_.end(), [&](const Guess& g) { return 2 * shared(g.T) > g.inliers; }),
+                     guesses_.end());
+    }
+  }
+
+  /// Whether the last call had few corners to go by, so that a finer level may have more.
+  [[nodiscard]] bool few() const { return std::min(reference_.size(), current_.size()) < 100; }
+
+ private:
+  static constexpr std::size_t kLeast = 5;  // matches that a guess brings together
+  static constexpr int kTrials = 3000;
+  static constexpr int kGuesses = 6;
+  static constexpr int kCell = 8;           // [px]
+  static constexpr float kAlike = 0.75F;    // least correlation of a match
+  struct Match {
+    Eigen::Vector3f p, q;  // in the reference, in the current camera [m]
+    float tolerance;       // [m]
+  };
+  struct Guess {
+    Pose T;
+    int inliers;
+  };
+
+  // The best corner of each cell.
+  void describe(const PyramidLevel& level, CornerSet& out) {
+    constexpr int kMargin = CornerSet::kSide / 2;
+    const int w = level.intensity.width();
+    const int h = level.intensity.height();
+    out.points.clear();
+    out.patches.clear();
+    for (int y0 = kMargin; y0 + kCell <= h - kMargin; y0 += kCell) {
+      for (int x0 = kMargin; x0 + kCell <= w - kMargin; x0 += kCell) {
+        float best = kWeakest;
+        int bx = 0;
+        int by = 0;
+        for (int y = y0; y < y0 + kCell; ++y) {
+          for (int x = x0; x < x0 + kCell; ++x) {
+            if (!(level.depth.row(y)[x] > 0)) continue;
+            const float s = cornerness(level.intensity, x, y);
+            if (s > best) {
+              best = s;
+              bx = x;
+              by = y;
+            }
+          }
+        }
+        if (best > kWeakest) add(level, bx, by, out);
+      }
+    }
+  }
+
+  // Smaller eigenvalue of the structure tensor over 3 x 3 pixels [1/px^2].
+  static float cornerness(const Plane& image, int x, int y) {
+    float xx = 0;
+    float xy = 0;
+    float yy = 0;
+    for (int v = y - 1; v <= y + 1; ++v) {
+      const float* r = image.row(v);
+      const float* above = image.row(v - 1);
+      const float* below = image.row(v + 1);
+      for (int u = x - 1; u <= x + 1; ++u) {
+        const float gx = 0.5F * (r[u + 1] - r[u - 1]);
+        const float gy = 0.5F * (below[u] - above[u]);
+        xx += gx * gx;
+        xy += gx * gy;
+        yy += gy * gy;
+      }
+    }
+    return 0.5F * (xx + yy - std::sqrt((xx - yy) * (xx - yy) + 4 * xy * xy));
+  }
+  static constexpr float kWeakest = 1e-3F;  // cornerness of nine pixels with gradients of 1 % of the brightness
+
+  static void add(const PyramidLevel& level, int x, int y, CornerSet& out) {
+    constexpr int kHalf = CornerSet::kSide / 2;
+    float patch[CornerSet::kPatch];
+    bool seen[CornerSet::kPatch];
+    float sum = 0;
+    int n = 0;
+    for (int i = 0; i < CornerSet::kPatch; ++i) {
+      const int u = x - kHalf + i % CornerSet::kSide;
+      const int v = y - kHalf + i / CornerSet::kSide;
+      seen[i] = level.gamma.empty() || level.gamma.row(v)[u] > 0;
+      patch[i] = level.intensity.row(v)[u];
+      if (!seen[i]) continue;
+      sum += patch[i];
+      ++n;
+    }
+    if (4 * n < 3 * CornerSet::kPatch) return;
+    const float mean = sum / static_cast<float>(n);
+    float squares = 0;
+    for (int i = 0; i < CornerSet::kPatch; ++i) {
+      patch[i] = seen[i] ? patch[i] - mean : 0.0F;
+      squares += patch[i] * patch[i];
+    }
+    const float scale = squares > 0 ? 1.0F / std::sqrt(squares) : 0.0F;
+    for (float& v : patch) v *= scale;
+    const float z = level.depth.row(y)[x];
+    out.patches.insert(out.patches.end(), patch, patch + CornerSet::kPatch);
+    out.points.push_back({(static_cast<float>(x) - static_cast<float>(level.camera.cx)) / static_cast<float>(level.camera.fx) * z,
+                          (static_cast<float>(y) - static_cast<float>(level.camera.cy)) / static_cast<float>(level.camera.fy) * z, z});
+  }
+
+  // Pairs of which each is the other's best.
+  void match() {
+    matches_.clear();
+    const std::size_t n = reference_.size();
+    const std::size_t m = current_.size();
+    best_of_current_.assign(m, {kAlike, n});
+    best_of_reference_.assign(n, {kAlike, m});
+    for (std::size_t i = 0; i < n; ++i) {
+      const float* a = reference_.patches.data() + i * CornerSet::kPatch;
+      for (std::size_t j = 0; j < m; ++j) {
+        const float* b = current_.patches.data() + j * CornerSet::kPatch;
+        Lanes sum = 0.0F;
+        for (int k = 0; k < CornerSet::kPatch; k += kLanes) sum += Lanes::load(a + k) * Lanes::load(b + k);
+        const float c = sum.sum();
+        if (c > best_of_reference_[i].first) best_of_reference_[i] = {c, j};
+        if (c > best_of_current_[j].first) best_of_current_[j] = {c, i};
+      }
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t j = best_of_reference_[i].second;
+      if (j == m || best_of_current_[j].second != i) continue;
+      const Eigen::Vector3f& p = reference_.points[i];
+      const Eigen::Vector3f& q = current_.points[j];
+      // about a pixel; more would let what moves a little pass for what does not
+      matches_.push_back({p, q, 0.0075F + 0.006F * std::max(p.z(), q.z())});
+    }
+  }
+
+  // The motion that maps the frames spanned by three matches onto each other.
+  [[nodiscard]] bool through(const std::array<std::size_t, 3>& three, Pose& T) const {
+    const Match& a = matches_[three[0]];
+    const Match& b = matches_[three[1]];
+    const Match& c = matches_[three[2]];
+    const auto kept = [](const Match& s, const Match& t) {
+      const Eigen::Vector3f d = minus(s.p, t.p);
+      const Eigen::Vector3f e = minus(s.q, t.q);
+      const float length = norm(d);
+      return length > 0.15F && std::abs(length - norm(e)) < s.tolerance + t.tolerance;
+    };
+    if (!kept(a, b) || !kept(b, c) || !kept(a, c)) return false;
+    Eigen::Matrix3d from, to;
+    if (!span(a.p, b.p, c.p, from) || !span(a.q, b.q, c.q, to)) return false;
+    Eigen::Matrix3d R;
+    Eigen::Vector3d t;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) R(i, j) = to(i, 0) * from(j, 0) + to(i, 1) * from(j, 1) + to(i, 2) * from(j, 2);
+    }
+    for (int i = 0; i < 3; ++i) {
+      double p[3];
+      for (int j = 0; j < 3; ++j) p[j] = static_cast<double>(a.p(j) + b.p(j) + c.p(j)) / 3;
+      t(i) = static_cast<double>(a.q(i) + b.q(i) + c.q(i)) / 3 - (R(i, 0) * p[0] + R(i, 1) * p[1] + R(i, 2) * p[2]);
+    }
+    T = make_pose(R, t);
+    return is_finite(T);
+  }
+  // Orthonormal axes in the columns: along a b, across it towards c, and perpendicular to both.
+  [[nodiscard]] static bool span(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c, Eigen::Matrix3d& out) {
+    Eigen::Vector3f x = minus(b, a);
+    x = times(1.0F / norm(x), x);
+    Eigen::Vector3f z = cross(x, minus(c, a));
+    const float area = norm(z);
+    if (!(area > 0.05F)) return false;  // nearly on one line
+    z = times(1.0F / area, z);
+    const Eigen::Vector3f y = cross(z, x);
+    for (int i = 0; i < 3; ++i) {
+      out(i, 0) = static_cast<double>(x(i));
+      out(i, 1) = static_cast<double>(y(i));
+      out(i, 2) = static_cast<double>(z(i));
+    }
+    return true;
+  }
+
+  [[nodiscard]] static bool agrees(const FloatPose& T, const Match& m) {
+    return squared_norm(Eigen::Vector3f(minus(T(m.p.x(), m.p.y(), m.p.z()), m.q))) < m.tolerance * m.tolerance;
+  }
+  int inliers(const Pose& T) {
+    const FloatPose f(T);
+    supports_.assign(matches_.size(), 0);
+    int n = 0;
+    for (std::size_t i = 0; i < matches_.size(); ++i) {
+      if (!agrees(f, matches_[i])) continue;
+      supports_[i] = 1;
+      ++n;
+    }
+    return n;
+  }
+  [[nodiscard]] int shared(const Pose& T) const {
+    const FloatPose f(T);
+    int n = 0;
+    for (std::size_t i = 0; i < matches_.size(); ++i) n += taken_[i] != 0 && agrees(f, matches_[i]) ? 1 : 0;
+    return n;
+  }
+
+  // One Gauss-Newton step of sum |T p - q|^2 / tolerance^2 over the matches that agree.
+  void refine(Pose& T) const {
+    const FloatPose f(T);
+    Matrix6 H = zeros<Matrix6>();
+    Twist b = zeros<Twist>();
+    for (const Match& m : matches_) {
+      if (!agrees(f, m)) continue;
+      const Eigen::Vector3f y = f(m.p.x(), m.p.y(), m.p.z());
+      const double w = 1.0 / static_cast<double>(m.tolerance * m.tolerance);
+      // d(T p) = v + omega x y
+      const double X[3] = {static_cast<double>(y.x()), static_cast<double>(y.y()), static_cast<double>(y.z())};
+      const double J[3][6] = {{1, 0, 0, 0, X[2], -X[1]}, {0, 1, 0, -X[2], 0, X[0]}, {0, 0, 1, X[1], -X[0], 0}};
+      for (int r = 0; r < 3; ++r) {
+        const double e = static_cast<double>(y(r) - m.q(r));
+        for (int i = 0; i < 6; ++i) {
+          for (int j = 0; j < 6; ++j) H(i, j) += w * J[r][i] * J[r][j];
+          b(i) -= w * J[r][i] * e;
+        }
+      }
+    }
+    const Twist step = solve_symmetric(H, b);
+    if (all_finite(step)) T = normalized(compose(se3_exp(step), T));
+  }
+
+  CornerSet reference_, current_;
+  std::vector<std::pair<float, std::size_t>> best_of_current_, best_of_reference_;
+  std::vector<Match> matches_;
+  std::vector<Guess> guesses_;
+  std::vector<char> supports_, taken_;
+};
+
+APSO_NAMESPACE_END

@@ -1,0 +1,101 @@
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include <apso/refinement/corner_search.hpp>
+#include <apso/refinement/pyramid.hpp>
+
+#include "room.hpp"
+
+using namespace apso;
+
+namespace {
+const Pinhole kCamera = room::camera(160);
+
+void build(const room::Frame& f, bool mask, FramePyramid& out) {
+  PyramidOptions o;
+  o.finest = 0;
+  out.build(f.view(), kCamera, mask ? f.probability.view() : ImageView<const float>{}, o, PyramidRole::Both);
+}
+
+std::vector<Pose> search(const room::Frame& reference, const room::Frame& current, bool mask = false) {
+  FramePyramid r, c;
+  build(reference, mask, r);
+  build(current, mask, c);
+  CornerSearch s;
+  std::vector<Pose> out;
+  s(r.level(0), c.level(0), out);
+  return out;
+}
+
+// Nearest guess: [m] and [rad], the larger with 2 m to a radian.
+double nearest(const std::vector<Pose>& guesses, const Pose& T_world_current) {
+  double best = 1e9;
+  for (const Pose& T_current_reference : guesses) {
+    const Pose e = compose(T_current_reference, T_world_current);
+    best = std::min(best, std::max(translation_norm(se3_log(e)), 2 * rotation_angle(e)));
+  }
+  return best;
+}
+}  // namespace
+
+TEST_CASE("a motion of 30 cm and 20 degrees is guessed from corners") {
+  for (unsigned seed = 1; seed <= 8; ++seed) {
+    CAPTURE(seed);
+    const double a = 0.8 * seed;
+    const Pose T = room::pose(.3 * std::cos(a), .05, .3 * std::sin(a), 5 * std::sin(2 * a), 18 * std::cos(a), 8 * std::sin(a));
+    const std::vector<Pose> found = search(room::render(kCamera, Pose::Identity(), {}, 2 * seed), room::render(kCamera, T, {}, 2 * seed + 1));
+    REQUIRE(!found.empty());
+    CHECK(nearest({found.front()}, T) < .04);  // two pixels
+  }
+}
+
+TEST_CASE("a body that moves and the room behind it give guesses of their own, and a mask leaves one") {
+  const Pose T = room::pose(.1, .02, .05, 1, 4, -2);
+  room::Slab before{true, -.6, 1.2, 1.5};
+  room::Slab after = before;
+  after.x += .25;
+  const room::Frame r = room::render(kCamera, Pose::Identity(), before, 1);
+  const room::Frame c = room::render(kCamera, T, after, 2);
+  // where the camera would stand if the body had not moved
+  const Pose T_by_the_body = compose(make_pose(identity<Eigen::Matrix3d>(), Eigen::Vector3d(-.25, 0, 0)), T);
+  const std::vector<Pose> both = search(r, c);
+  CHECK(nearest(both, T) < .08);  // a third of the 25 cm between the two
+  CHECK(nearest(both, T_by_the_body) < .08);
+  const std::vector<Pose> masked = search(r, c, true);
+  REQUIRE(!masked.empty());
+  CHECK(nearest({masked.front()}, T) < .08);
+}
+
+TEST_CASE("nothing is guessed where there is nothing to go by") {
+  room::Frame blank = room::render(kCamera, Pose::Identity());
+  const room::Frame good = blank;
+  blank.intensity.assign(160, 120, .5F);
+  CHECK(search(blank, good).empty());
+  CHECK(search(good, blank).empty());
+  room::Frame no_depth = good;
+  no_depth.depth.assign(160, 120, 0.0F);
+  CHECK(search(no_depth, good).empty());
+  CornerSearch s;
+  std::vector<Pose> out(3);
+  s(PyramidLevel{}, PyramidLevel{}, out);  // a reference whose images are gone
+  CHECK(out.empty());
+}
+
+TEST_CASE("the same frames give the same guesses, whatever came before") {
+  const Pose T = room::pose(.2, 0, .1, 3, 9, 2);
+  const room::Frame a = room::render(kCamera, Pose::Identity(), {}, 1);
+  const room::Frame b = room::render(kCamera, T, {}, 2);
+  FramePyramid pa, pb;
+  build(a, false, pa);
+  build(b, false, pb);
+  CornerSearch s;
+  std::vector<Pose> first, other, second;
+  s(pa.level(0), pb.level(0), first);
+  s(pb.level(0), pa.level(0), other);
+  s(pa.level(0), pb.level(0), second);
+  REQUIRE(first.size() == second.size());
+  for (std::size_t i = 0; i < first.size(); ++i) CHECK(first[i].matrix() == second[i].matrix());
+}
