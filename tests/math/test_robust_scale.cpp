@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -39,6 +41,28 @@ TEST_CASE("bivariate scale finds the correlation") {
   for (std::size_t i = 0; i < a.size(); ++i) a[i] = g(rng), b[i] = .6 * a[i] + .8 * g(rng);
   const Eigen::Matrix2d s = bivariate_t_scale(a, b);
   CHECK(s(0, 1) / std::sqrt(s(0, 0) * s(1, 1)) == doctest::Approx(.6).epsilon(.05));
+}
+
+TEST_CASE("the median of floats is the one that sorting finds") {
+  std::mt19937 rng(5);
+  std::normal_distribution<float> gauss;
+  for (std::size_t n = 1; n < 200; ++n) {
+    CAPTURE(n);
+    for (int kind = 0; kind < 4; ++kind) {
+      std::vector<float> v(n);
+      for (float& x : v) {
+        const float g = gauss(rng);
+        x = kind == 0 ? g : (kind == 1 ? std::round(2 * g) : (kind == 2 ? std::exp(40 * g) : -std::abs(g)));
+      }
+      if (kind == 1) v[n / 3] = -0.0F;
+      std::vector<float> sorted = v;
+      std::sort(sorted.begin(), sorted.end());
+      CHECK(median_in_place(v) == sorted[n / 2]);
+    }
+  }
+  std::vector<float> far{-std::numeric_limits<float>::infinity(), std::numeric_limits<float>::max(), 0.0F,
+                         std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::max()};
+  CHECK(median_in_place(far) == 0.0F);
 }
 
 TEST_CASE("nothing in, nothing out") {

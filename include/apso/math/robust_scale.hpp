@@ -6,24 +6,84 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/math/lanes.hpp>
 
 APSO_NAMESPACE_BEGIN
 
 enum class ScaleKind { Mad, StudentT, MeanAbs };
 constexpr std::array<const char*, 3> enum_names(ScaleKind) { return {"mad", "student_t", "mean_abs"}; }
 
-/// Median of the values (the upper one of an even count); reorders them. 0 for none.
+/// Median of the values (the upper one of an even count); may reorder them. 0 for none.
 template <class T>
 [[nodiscard]] T median_in_place(std::vector<T>& values) {
   if (values.empty()) return T(0);
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+/// The same for floats without NaN, found by halving the range of bit patterns that holds it: a few vectorised counts are
+/// several times faster than partitioning. Leaves the values as they are.
+[[nodiscard]] inline float median_in_place(std::vector<float>& values) {
+  if (values.empty()) return 0;
+  const std::size_t n = values.size();
+  const std::size_t whole = n - n % kLanes;
+  const auto middle = static_cast<std::int32_t>(n / 2);
+  // bit patterns as integers in the order of the floats; the mapping is its own inverse
+  const auto ordered = [](std::int32_t pattern) { return pattern ^ ((pattern >> 31) & 0x7FFFFFFF); };
+  const auto key = [&](float v) {
+    std::int32_t pattern;
+    std::memcpy(&pattern, &v, sizeof v);
+    return std::int64_t{ordered(pattern)};
+  };
+  const auto value = [&](std::int64_t k) {
+    const std::int32_t pattern = ordered(static_cast<std::int32_t>(k));
+    float v;
+    std::memcpy(&v, &pattern, sizeof v);
+    return v;
+  };
+  // the smallest value that is not below the bound
+  const auto least_from = [&](float bound) {
+    constexpr float kInfinity = std::numeric_limits<float>::infinity();
+    Lanes lanes = kInfinity;
+    for (std::size_t i = 0; i < whole; i += kLanes) {
+      const Lanes v = Lanes::load(values.data() + i);
+      lanes = min(select(v < Lanes(bound), kInfinity, v), lanes);
+    }
+    float least = kInfinity;
+    for (int k = 0; k < kLanes; ++k) least = std::min(least, lanes[k]);
+    for (std::size_t i = whole; i < n; ++i) least = values[i] < bound ? least : std::min(least, values[i]);
+    return least;
+  };
+  std::int64_t low = key(-std::numeric_limits<float>::infinity());
+  std::int64_t high = key(std::numeric_limits<float>::infinity()) + 1;
+  std::int32_t below_low = 0;                            // values below low, at most `middle`
+  std::int32_t below_high = static_cast<std::int32_t>(n);  // values below high, more than that
+  while (high - low > 1 && below_high - below_low > 1) {
+    const std::int64_t half = low + (high - low) / 2;
+    const float pivot = value(half);
+    IntLanes count{};
+    for (std::size_t i = 0; i < whole; i += kLanes) count = count - (Lanes::load(values.data() + i) < Lanes(pivot));
+    std::int32_t below = 0;
+    for (int k = 0; k < kLanes; ++k) below += count[k];
+    for (std::size_t i = whole; i < n; ++i) below += values[i] < pivot ? 1 : 0;
+    if (below <= middle) {
+      low = half;
+      below_low = below;
+    } else {
+      high = half;
+      below_high = below;
+    }
+  }
+  return least_from(value(low));
 }
 
 /// 1.4826 median |r - median r|: the standard deviation of Gaussian residuals, blind to up to half of outliers.
