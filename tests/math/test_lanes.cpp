@@ -50,6 +50,16 @@ TEST_CASE("a comparison with NaN is false") {
   }
 }
 
+TEST_CASE("the square root is exact to rounding") {
+  for (double x = 1e-30; x < 1e30; x *= 1.37) {
+    CAPTURE(x);
+    const Lanes l = sqrt(Lanes(static_cast<float>(x)));
+    const double truth = std::sqrt(static_cast<double>(static_cast<float>(x)));
+    for (int i = 0; i < kLanes; ++i) CHECK(std::abs(static_cast<double>(l[i]) - truth) <= 3e-7 * truth);
+  }
+  CHECK(sqrt(Lanes(0.0F))[0] == 0.0F);
+}
+
 TEST_CASE("the logarithm is that of the standard library") {
   for (double x = 1e-6; x < 1e9; x *= 1.003) {
     const Lanes l = log(Lanes(static_cast<float>(x)));

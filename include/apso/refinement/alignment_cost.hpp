@@ -71,6 +71,7 @@ class AlignmentCost {
       Term& t = terms_[k];
       const PixelList& list = t.pyramid->level(level).pixels;
       const int n = static_cast<int>(list.tiles.size());
+      const int most = std::max(kLeastPart, list.blocks() / kParts);
       for (auto& s : t.sums) s.resize(static_cast<std::size_t>(n));
       t.labels.reset(static_cast<std::size_t>(n));
       for (int b = 0; b < n;) {
@@ -78,7 +79,7 @@ class AlignmentCost {
         p.term = static_cast<int>(k);
         p.begin = b;
         const int first = list.tiles[static_cast<std::size_t>(b)].begin;
-        while (b < n && list.tiles[static_cast<std::size_t>(b)].end - first <= kPart) ++b;
+        while (b < n && list.tiles[static_cast<std::size_t>(b)].end - first <= most) ++b;
         p.end = b = std::max(b, p.begin + 1);
         parts_.push_back(p);
       }
@@ -162,13 +163,25 @@ class AlignmentCost {
     return weight > 0 ? cost / weight : std::numeric_limits<double>::infinity();
   }
   /// Of the accepted sums, for an increment of T_camera_world from the left.
-  [[nodiscard]] NormalEquations normal_equations(const Pose& T_camera_world) const {
+  template <class Executor>
+  [[nodiscard]] NormalEquations normal_equations(const Pose& T_camera_world, const Executor& executor) {
+    executor(static_cast<int>(parts_.size()), [&](int i) {
+      Part& p = parts_[static_cast<std::size_t>(i)];
+      const Term& t = terms_[static_cast<std::size_t>(p.term)];
+      PixelSums<double> sum{};
+      for (auto k = static_cast<std::size_t>(p.begin); k < static_cast<std::size_t>(p.end); ++k) {
+        add(sum, t.sums[kAccepted][k], t.labels[k]);
+      }
+      p.sum = sum;
+    });
     NormalEquations all;
     for (std::size_t k = 0; k < used_; ++k) {
-      PixelSums<double> sum{};
       const Term& t = terms_[k];
-      for (std::size_t i = 0; i < t.sums[kAccepted].size(); ++i) add(sum, t.sums[kAccepted][i], t.labels[i]);
-      NormalEquations n = moved_to_left(sum.equations(), compose(T_camera_world, t.T_world_reference));
+      NormalEquations n;
+      for (const Part& p : parts_) {
+        if (static_cast<std::size_t>(p.term) == k) n += p.sum.equations();
+      }
+      n = moved_to_left(n, compose(T_camera_world, t.T_world_reference));
       n.H = times(t.level_weight, n.H);
       n.b = times(t.level_weight, n.b);
       all += n;
@@ -285,7 +298,8 @@ class AlignmentCost {
   }
 
  private:
-  static constexpr int kPart = 128;  // blocks of pixels of one unit of work
+  static constexpr int kParts = 16;      // about as many units of work a reference gives at a level
+  static constexpr int kLeastPart = 16;  // blocks of pixels of the smallest
 
   struct Term {
     const FramePyramid* pyramid = nullptr;
@@ -304,6 +318,7 @@ class AlignmentCost {
     int begin = 0;  // tiles
     int end = 0;
     WarpCounts counts;
+    PixelSums<double> sum;
   };
 
   [[nodiscard]] Warper warper(const Term& t, const Pose& T_camera_world) const {
@@ -320,24 +335,34 @@ class AlignmentCost {
     const Warper warp = warper(t, T_camera_world);
     const int blocks = list.blocks();
     const int n = std::min(blocks, std::max(1, most / PixelList::kBlock));
-    samples_intensity_.clear();
-    samples_depth_.clear();
-    pairs_.clear();
+    const auto room = static_cast<std::size_t>(n * PixelList::kBlock) + 1;
+    samples_intensity_.resize(room);
+    samples_depth_.resize(room);
+    pairs_.resize(room);
+    std::size_t intensities = 0;
+    std::size_t depths = 0;
     for (int i = 0; i < n; ++i) {
       const float* block = list.block(static_cast<int>(static_cast<long long>(i) * blocks / n));
       for (int at = 0; at < PixelList::kBlock; at += kLanes) {
         WarpedLanes o;
         warp.warp(block, at, o);
-        for (int j = 0; j < kLanes; ++j) {
-          if (o.weight_intensity[j] > 0) {
-            const float inverse_sigma = std::sqrt(o.inverse_intensity[j]);
-            samples_intensity_.push_back(o.residual_intensity[j] * inverse_sigma);
-            pairs_.push_back({block[PixelList::kIntensity * PixelList::kBlock + at + j], o.current[j], inverse_sigma});
-          }
-          if (o.weight_depth[j] > 0) samples_depth_.push_back(o.residual_depth[j] * std::sqrt(o.inverse_depth[j]));
+        const Lanes inverse_intensity = sqrt(o.inverse_intensity);
+        const Lanes intensity = o.residual_intensity * inverse_intensity;
+        const Lanes depth = o.residual_depth * sqrt(o.inverse_depth);
+        for (int j = 0; j < kLanes; ++j) {  // each is written, and overwritten by the next unless it counts
+          samples_intensity_[intensities] = intensity[j];
+          pairs_.reference[intensities] = block[PixelList::kIntensity * PixelList::kBlock + at + j];
+          pairs_.current[intensities] = o.current[j];
+          pairs_.inverse_sigma[intensities] = inverse_intensity[j];
+          samples_depth_[depths] = depth[j];
+          intensities += o.weight_intensity[j] > 0 ? 1 : 0;
+          depths += o.weight_depth[j] > 0 ? 1 : 0;
         }
       }
     }
+    samples_intensity_.resize(intensities);
+    samples_depth_.resize(depths);
+    pairs_.resize(intensities);
   }
 
   AlignmentOptions options_;
@@ -348,7 +373,7 @@ class AlignmentCost {
   std::vector<Term> terms_;
   std::vector<Part> parts_;
   std::vector<float> samples_intensity_, samples_depth_, sorted_;
-  std::vector<IntensityPair> pairs_;
+  IntensityPairs pairs_;
 };
 
 APSO_NAMESPACE_END

@@ -243,7 +243,7 @@ class DirectAligner {
       ++result.iterations;
       cost_.update_labels();
       const double before = cost_.mean(kAccepted);
-      NormalEquations n = cost_.normal_equations(T);
+      NormalEquations n = cost_.normal_equations(T, executor);
       if (!std::isfinite(before) || !all_finite(n.H) || !all_finite(n.b)) return Status::Diverged;
       add_prior(T_guess, T, n);
       Matrix6 P;
@@ -307,7 +307,7 @@ class DirectAligner {
     r.valid_share = share(r.counts);
     r.static_share = 1 - cost_.moving_share();
     r.cost = cost_.mean(kAccepted);
-    const NormalEquations n = cost_.normal_equations(T);
+    const NormalEquations n = cost_.normal_equations(T, executor);
     if (!is_finite(T) || !std::isfinite(r.cost) || !all_finite(n.H)) {
       r.cost = 0;
       fail(r, Status::Diverged);

@@ -72,7 +72,7 @@ class RegionLabels {
     for (std::size_t i = 0; i < tiles.size(); ++i) {
       double weight = 0;
       const double m = mean(tiles[i], weight);
-      labels_[i] = static_cast<float>(m < 0 ? 1.0 : 1.0 / (1.0 + std::pow(m / limit, o.power)));
+      labels_[i] = m < 0 ? 1.0F : 1.0F / (1.0F + std::pow(static_cast<float>(m / limit), static_cast<float>(o.power)));
     }
   }
 
