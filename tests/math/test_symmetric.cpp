@@ -119,3 +119,17 @@ TEST_CASE("equal and zero eigenvalues are no trouble") {
   CHECK(plane.values(1) == doctest::Approx(1).epsilon(1e-14));
   CHECK(std::abs(plane.vectors.col(0).dot(n)) == doctest::Approx(1).epsilon(1e-14));
 }
+
+TEST_CASE("a bound on the eigenvalues holds just where the smallest says so") {
+  std::mt19937 random(3);
+  for (int i = 0; i < 200; ++i) {
+    const Eigen::Matrix<double, 6, 6> A = positive<6>(random, 0.05 * i);
+    const double least = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>>(A).eigenvalues()(0);
+    const double rounding = 1e-12;  // the largest is 1
+    CHECK(eigenvalues_exceed(least - 0.01 * least - rounding, A));
+    CHECK_FALSE(eigenvalues_exceed(least + 0.01 * least + rounding, A));
+  }
+  Eigen::Matrix<double, 6, 6> broken = positive<6>(random, 1);
+  broken(4, 2) = std::numeric_limits<double>::quiet_NaN();
+  CHECK_FALSE(eigenvalues_exceed(0.0, broken));
+}

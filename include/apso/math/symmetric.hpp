@@ -26,6 +26,25 @@ void add_row(const S (&J)[N], S weight, S r, S (&H)[N][N], S (&g)[N]) {
   }
 }
 
+/// Whether all eigenvalues of a symmetric A are larger than `bound`, by whether A - bound I has a Cholesky decomposition.
+/// Only the lower triangle of A is read; false for NaN.
+template <int N, int Options>
+[[nodiscard]] bool eigenvalues_exceed(double bound, const Eigen::Matrix<double, N, N, Options>& A) {
+  double L[N][N];
+  for (int j = 0; j < N; ++j) {
+    double d = A(j, j) - bound;
+    for (int k = 0; k < j; ++k) d -= L[j][k] * L[j][k];
+    if (!(d > 0)) return false;
+    L[j][j] = std::sqrt(d);
+    for (int i = j + 1; i < N; ++i) {
+      double v = A(i, j);
+      for (int k = 0; k < j; ++k) v -= L[i][k] * L[j][k];
+      L[i][j] = v / L[j][j];
+    }
+  }
+  return true;
+}
+
 /// Solves A X = B for a symmetric positive semidefinite A by A = P^T L D L^T P with the largest pivot first
 /// (Golub & Van Loan, Matrix Computations, 4.2.8). Only the lower triangle of A is read. Directions without any pivot
 /// get the solution 0, so a singular A gives a finite X; a NaN in A or B gives NaN.

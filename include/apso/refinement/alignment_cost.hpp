@@ -216,17 +216,25 @@ class AlignmentCost {
   /// Robust scales, and brightness, from about `most` pixels of each reference. They are kept unless one of them differs
   /// by more than `tolerated`, since costs can be compared only at the same scales.
   /// \return whether they were changed
-  bool estimate_scales(const Pose& T_camera_world, int most, double tolerated) {
+  template <class Executor>
+  bool estimate_scales(const Pose& T_camera_world, int most, double tolerated, const Executor& executor) {
     bool changed = false;
     for (std::size_t k = 0; k < used_; ++k) {
       Term& t = terms_[k];
-      sample(t, T_camera_world, most);
-      t.correlation = intensity_correlation(pairs_, static_cast<double>(options_.noise.sigma_intensity), options_.depth_alone);
+      sample(t, T_camera_world, most, executor);
       Illumination light = t.light;
       const double floor = std::max(1e-6, options_.scale_floor.at(level_));
-      if (options_.illumination && pairs_.size() >= 32) fit_illumination(pairs_, floor, samples_intensity_, sorted_, light);
-      const double i = std::max(floor, robust_scale_in_place(options_.scale, samples_intensity_));
-      const double d = std::max(floor, robust_scale_in_place(options_.scale, samples_depth_));
+      double i = floor;
+      double d = floor;
+      executor(2, [&](int task) {
+        if (task == 0) {
+          if (options_.illumination && pairs_.size() >= 32) fit_illumination(pairs_, floor, samples_intensity_, sorted_, light);
+          i = std::max(floor, robust_scale_in_place(options_.scale, samples_intensity_));
+        } else {
+          t.correlation = intensity_correlation(pairs_, static_cast<double>(options_.noise.sigma_intensity), options_.depth_alone);
+          d = std::max(floor, robust_scale_in_place(options_.scale, samples_depth_));
+        }
+      });
       const auto differs = [&](double a, double b) { return std::abs(a - b) > tolerated * std::min(a, b); };
       const double brighter = std::abs(0.5 * static_cast<double>(light.gain - t.light.gain) +
                                        static_cast<double>(light.offset - t.light.offset));
@@ -269,7 +277,7 @@ class AlignmentCost {
   template <class Executor>
   [[nodiscard]] Evidence evidence(int level, const Pose& T_camera_world, const Executor& executor) {
     enter(level);
-    estimate_scales(T_camera_world, options_.scale_samples, 0);  // for the brightness
+    estimate_scales(T_camera_world, options_.scale_samples, 0, executor);  // for the brightness
     set_scales(0.5);
     set_kernel(KernelKind::GemanMcClure, 2.0);
     sum(T_camera_world, kTrial, executor);
@@ -299,6 +307,7 @@ class AlignmentCost {
 
  private:
   static constexpr int kParts = 16;      // about as many units of work a reference gives at a level
+  static constexpr int kShares = 4;      // units of work of a sample
   static constexpr int kLeastPart = 16;  // blocks of pixels of the smallest
 
   struct Term {
@@ -330,39 +339,58 @@ class AlignmentCost {
   }
 
   // Residuals in units of the noise, and intensities, of about `most` pixels.
-  void sample(const Term& t, const Pose& T_camera_world, int most) {
+  template <class Executor>
+  void sample(const Term& t, const Pose& T_camera_world, int most, const Executor& executor) {
     const PixelList& list = t.pyramid->level(level_).pixels;
     const Warper warp = warper(t, T_camera_world);
     const int blocks = list.blocks();
     const int n = std::min(blocks, std::max(1, most / PixelList::kBlock));
-    const auto room = static_cast<std::size_t>(n * PixelList::kBlock) + 1;
-    samples_intensity_.resize(room);
-    samples_depth_.resize(room);
-    pairs_.resize(room);
-    std::size_t intensities = 0;
-    std::size_t depths = 0;
-    for (int i = 0; i < n; ++i) {
-      const float* block = list.block(static_cast<int>(static_cast<long long>(i) * blocks / n));
-      for (int at = 0; at < PixelList::kBlock; at += kLanes) {
-        WarpedLanes o;
-        warp.warp(block, at, o);
-        const Lanes inverse_intensity = sqrt(o.inverse_intensity);
-        const Lanes intensity = o.residual_intensity * inverse_intensity;
-        const Lanes depth = o.residual_depth * sqrt(o.inverse_depth);
-        for (int j = 0; j < kLanes; ++j) {  // each is written, and overwritten by the next unless it counts
-          samples_intensity_[intensities] = intensity[j];
-          pairs_.reference[intensities] = block[PixelList::kIntensity * PixelList::kBlock + at + j];
-          pairs_.current[intensities] = o.current[j];
-          pairs_.inverse_sigma[intensities] = inverse_intensity[j];
-          samples_depth_[depths] = depth[j];
-          intensities += o.weight_intensity[j] > 0 ? 1 : 0;
-          depths += o.weight_depth[j] > 0 ? 1 : 0;
+    // each share of the work has room for all its pixels and one more
+    const auto room = [&](int share) { return static_cast<std::size_t>(n * share / kShares * PixelList::kBlock + share); };
+    samples_intensity_.resize(room(kShares));
+    samples_depth_.resize(room(kShares));
+    pairs_.resize(room(kShares));
+    std::size_t intensities[kShares];
+    std::size_t depths[kShares];
+    executor(kShares, [&](int share) {
+      std::size_t a = room(share);
+      std::size_t b = a;
+      for (int i = n * share / kShares; i < n * (share + 1) / kShares; ++i) {
+        const float* block = list.block(static_cast<int>(static_cast<long long>(i) * blocks / n));
+        for (int at = 0; at < PixelList::kBlock; at += kLanes) {
+          WarpedLanes o;
+          warp.warp(block, at, o);
+          const Lanes inverse_intensity = sqrt(o.inverse_intensity);
+          const Lanes intensity = o.residual_intensity * inverse_intensity;
+          const Lanes depth = o.residual_depth * sqrt(o.inverse_depth);
+          for (int j = 0; j < kLanes; ++j) {  // each is written, and overwritten by the next unless it counts
+            samples_intensity_[a] = intensity[j];
+            pairs_.reference[a] = block[PixelList::kIntensity * PixelList::kBlock + at + j];
+            pairs_.current[a] = o.current[j];
+            pairs_.inverse_sigma[a] = inverse_intensity[j];
+            samples_depth_[b] = depth[j];
+            a += o.weight_intensity[j] > 0 ? 1 : 0;
+            b += o.weight_depth[j] > 0 ? 1 : 0;
+          }
         }
       }
-    }
-    samples_intensity_.resize(intensities);
-    samples_depth_.resize(depths);
-    pairs_.resize(intensities);
+      intensities[share] = a - room(share);
+      depths[share] = b - room(share);
+    });
+    const auto close_up = [&](std::vector<float>& v, const std::size_t* counts) {
+      std::size_t end = 0;
+      for (int share = 0; share < kShares; ++share) {
+        const auto first = v.begin() + static_cast<std::ptrdiff_t>(room(share));
+        std::copy(first, first + static_cast<std::ptrdiff_t>(counts[share]), v.begin() + static_cast<std::ptrdiff_t>(end));
+        end += counts[share];
+      }
+      v.resize(end);
+    };
+    close_up(samples_intensity_, intensities);
+    close_up(pairs_.reference, intensities);
+    close_up(pairs_.current, intensities);
+    close_up(pairs_.inverse_sigma, intensities);
+    close_up(samples_depth_, depths);
   }
 
   AlignmentOptions options_;

@@ -71,7 +71,7 @@ class DirectAligner {
     if (!begin(references, current, one_, result)) return result;
     const Pose T = inverse(T_world_camera);
     cost_.enter(0);
-    cost_.estimate_scales(T, 4 * options().scale_samples, 0);
+    cost_.estimate_scales(T, 4 * options().scale_samples, 0, executor);
     cost_.sum(T, kAccepted, executor);
     result.counts = cost_.counts();
     result.valid_share = share(result.counts);
@@ -194,8 +194,13 @@ class DirectAligner {
 
   // Which directions the normal equations determine; P projects scaled twists onto the others.
   int degenerate(const Matrix6& H, double depth, Matrix6& P, Twist* eigenvalues) const {
-    const SymmetricEigen<6> eigen = eigen_symmetric(scaled_both(unit_twist(depth), H));
+    const Matrix6 scaled = scaled_both(unit_twist(depth), H);
     P = zeros<Matrix6>();
+    double trace = 0;  // at least the largest eigenvalue
+    for (int i = 0; i < 6; ++i) trace += scaled(i, i);
+    const double bound = std::max(options().degenerate_ratio * trace, options().degenerate_floor);
+    if (eigenvalues == nullptr && eigenvalues_exceed(bound, scaled)) return 0;
+    const SymmetricEigen<6> eigen = eigen_symmetric(scaled);
     int count = 0;
     const double largest = eigen.values(5);
     for (int i = 0; i < 6; ++i) {
@@ -228,7 +233,7 @@ class DirectAligner {
     const AlignmentOptions& o = options();
     converged = false;
     cost_.enter(level);
-    cost_.estimate_scales(T, o.scale_samples, 0);
+    cost_.estimate_scales(T, o.scale_samples, 0, executor);
     cost_.sum(T, kAccepted, executor);
     // a coarse image has fewer pixels in all
     const int enough = std::max(6, o.min_pixels >> (2 * level));
@@ -292,7 +297,7 @@ class DirectAligner {
       }
       if (!moved) {  // no step lowers the cost: a minimum
         converged = true;
-      } else if (!converged && cost_.estimate_scales(T, o.scale_samples, o.scale_change)) {
+      } else if (!converged && cost_.estimate_scales(T, o.scale_samples, o.scale_change, executor)) {
         cost_.sum(T, kAccepted, executor);
       }
     }
@@ -313,7 +318,7 @@ class DirectAligner {
       fail(r, Status::Diverged);
       return;
     }
-    cost_.estimate_scales(T, 4 * options().scale_samples, 0);
+    cost_.estimate_scales(T, 4 * options().scale_samples, 0, executor);
     cost_.report_scales(r);
     r.median_depth = cost_.typical_depth();
     Matrix6 P;

@@ -44,18 +44,16 @@ class RegionLabels {
   void update(const std::vector<TileSums>& tiles, const std::vector<PixelList::Tile>& places, const RegionOptions& o,
               double charge, double charge_weight) {
     sorted_.clear();
+    means_.resize(tiles.size());
     double total = 0;
-    const auto mean = [&](const TileSums& t, double& weight) {
-      const double lost = static_cast<double>(t.lost);
-      weight = static_cast<double>(t.weight) - charge_weight * lost;
-      return weight > 1e-3 * static_cast<double>(t.weight)
-                 ? std::max(0.0, static_cast<double>(t.cost) - charge * lost) / weight
-                 : -1.0;
-    };
     for (std::size_t i = 0; i < tiles.size(); ++i) {
-      double weight = 0;
-      const double m = mean(tiles[i], weight);
-      if (m < 0) continue;
+      const TileSums& t = tiles[i];
+      const double lost = static_cast<double>(t.lost);
+      double weight = static_cast<double>(t.weight) - charge_weight * lost;
+      const bool seen = weight > 1e-3 * static_cast<double>(t.weight);
+      const double m = seen ? std::max(0.0, static_cast<double>(t.cost) - charge * lost) / weight : 0.0;
+      means_[i] = static_cast<float>(m);
+      if (!seen) continue;
       weight *= static_cast<double>(places[i].depth * places[i].depth);
       sorted_.push_back({m, weight});
       total += weight;
@@ -68,19 +66,16 @@ class RegionLabels {
       usual = e.cost;
       if (below >= 0.5 * total) break;
     }
-    const double limit = o.cut * std::max(usual, 1e-6);
-    for (std::size_t i = 0; i < tiles.size(); ++i) {
-      double weight = 0;
-      const double m = mean(tiles[i], weight);
-      labels_[i] = m < 0 ? 1.0F : 1.0F / (1.0F + std::pow(static_cast<float>(m / limit), static_cast<float>(o.power)));
-    }
+    const auto inverse_limit = static_cast<float>(1.0 / (o.cut * std::max(usual, 1e-6)));
+    const auto power = static_cast<float>(o.power);
+    for (std::size_t i = 0; i < tiles.size(); ++i) labels_[i] = 1.0F / (1.0F + std::pow(means_[i] * inverse_limit, power));
   }
 
  private:
   struct Entry {
     double cost, weight;
   };
-  std::vector<float> labels_;
+  std::vector<float> labels_, means_;
   std::vector<Entry> sorted_;
 };
 
