@@ -32,13 +32,14 @@ struct Image8 {
 struct Pair {
   Image8 reference, current;
   Pose T_current_reference = Pose::Identity();
-  double moving_share = 0;  ///< of the pixels of the current frame, [0,1]
+  double moving_share = 0;  ///< of the pixels of both frames, on average, [0,1]
+  double largest_share = 0; ///< of the frame in which more moves
   double step = 0;          ///< translation [m]
 };
 
 struct Conditions {
   bool noise = true;          ///< of image and depth, holes, gain
-  double moving_share = 0;    ///< two bodies that cover about this share and move 5 cm each
+  double moving_share = 0;    ///< two bodies that cover about this share of both images and move 5 cm each
   double gain = 0.02;         ///< largest change of brightness between the two images
   double image_noise = 3;     ///< [grey values of 255]
 };
@@ -71,18 +72,21 @@ class PairMaker {
     Pair pair;
     pair.step = step;
     pair.T_current_reference = T_current_world * T_world_reference;
-    const std::vector<Limb> before = bodies(scene, T_world_reference, c.moving_share, rng);
+    const std::vector<Limb> before = bodies(scene, T_world_reference, apso::inverse(T_current_world), c.moving_share, rng);
     std::vector<Limb> after = before;
     const std::array<Eigen::Vector3d, 2> way{0.05 * flat_direction(motion), 0.05 * flat_direction(motion)};
     for (Limb& l : after) l.centre += way[static_cast<std::size_t>(l.instance - 1)];
     shoot(scene, T_world_reference, before, c, seed + 1, 1.0, pair.reference);
     shoot(scene, apso::inverse(T_current_world), after, c, hash64(seed + 2) + static_cast<std::uint64_t>(1e6 * step),
           1.0 + c.gain * motion.uniform(-1, 1), pair.current);
-    double moving = 0;
+    double moving[2] = {0, 0};
     for (std::size_t i = 0; i < pair.current.probability.size(); ++i) {
-      moving += static_cast<double>(pair.current.probability.data()[i]);
+      moving[0] += static_cast<double>(pair.reference.probability.data()[i]);
+      moving[1] += static_cast<double>(pair.current.probability.data()[i]);
     }
-    pair.moving_share = moving / static_cast<double>(pair.current.probability.size());
+    const auto pixels = static_cast<double>(pair.current.probability.size());
+    pair.moving_share = 0.5 * (moving[0] + moving[1]) / pixels;
+    pair.largest_share = std::max(moving[0], moving[1]) / pixels;
     return pair;
   }
 
@@ -107,15 +111,18 @@ class PairMaker {
     return static_cast<double>(n) / static_cast<double>(drawn.surface.size());
   }
 
-  // Two people in front of the camera, as near as the wanted share of the image asks for.
-  [[nodiscard]] std::vector<apso::testing::Limb> bodies(const apso::testing::Scene& scene, const Pose& T_world_camera,
-                                                        double wanted, apso::testing::Random& rng) const {
+  // Two people in front of where the camera is halfway, as near as the wanted share of both images, on average, asks for.
+  [[nodiscard]] std::vector<apso::testing::Limb> bodies(const apso::testing::Scene& scene, const Pose& T_world_reference,
+                                                        const Pose& T_world_current, double wanted,
+                                                        apso::testing::Random& rng) const {
     using namespace apso::testing;
     std::vector<Limb> out;
     if (!(wanted > 0)) return out;
     const double side[2] = {rng.uniform(-.5, -.2), rng.uniform(.2, .5)};  // of the half image
     const double further = rng.uniform(1.0, 1.25);
     const std::uint64_t people = rng.next();
+    const Pose T_world_camera =
+        T_world_reference * apso::se3_exp(0.5 * apso::se3_log(apso::inverse(T_world_reference) * T_world_current));
     double near = 0.5;
     double far = 4.0;
     for (int it = 0; it < 14; ++it) {
@@ -135,7 +142,8 @@ class PairMaker {
           out.push_back(l);
         }
       }
-      (share(scene, T_world_camera, out) > wanted ? near : far) = distance;
+      const double both = 0.5 * (share(scene, T_world_reference, out) + share(scene, T_world_current, out));
+      (both > wanted ? near : far) = distance;
     }
     return out;
   }

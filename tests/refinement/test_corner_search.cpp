@@ -26,7 +26,7 @@ std::vector<Pose> search(const room::Frame& reference, const room::Frame& curren
   build(current, mask, c);
   CornerSearch s;
   std::vector<Pose> out;
-  s(r.level(0), c.level(0), out);
+  s(r, c, 0, out);
   return out;
 }
 
@@ -78,10 +78,21 @@ TEST_CASE("nothing is guessed where there is nothing to go by") {
   room::Frame no_depth = good;
   no_depth.depth.assign(160, 120, 0.0F);
   CHECK(search(no_depth, good).empty());
+}
+
+TEST_CASE("a reference in memory keeps what corners are looked for in") {
+  const Pose T = room::pose(.2, 0, .1, 3, 9, 2);
+  FramePyramid r, c, kept;
+  build(room::render(kCamera, Pose::Identity(), {}, 1), false, r);
+  build(room::render(kCamera, T, {}, 2), false, c);
+  kept.assign_reference(r);
   CornerSearch s;
-  std::vector<Pose> out(3);
-  s(PyramidLevel{}, PyramidLevel{}, out);  // a reference whose images are gone
-  CHECK(out.empty());
+  std::vector<Pose> from_all, from_kept;
+  s(r, c, 0, from_all);
+  s(kept, c, 0, from_kept);
+  REQUIRE(!from_all.empty());
+  REQUIRE(from_all.size() == from_kept.size());
+  CHECK(from_all.front().matrix() == from_kept.front().matrix());
 }
 
 TEST_CASE("the same frames give the same guesses, whatever came before") {
@@ -93,9 +104,9 @@ TEST_CASE("the same frames give the same guesses, whatever came before") {
   build(b, false, pb);
   CornerSearch s;
   std::vector<Pose> first, other, second;
-  s(pa.level(0), pb.level(0), first);
-  s(pb.level(0), pa.level(0), other);
-  s(pa.level(0), pb.level(0), second);
+  s(pa, pb, 0, first);
+  s(pb, pa, 0, other);
+  s(pa, pb, 0, second);
   REQUIRE(first.size() == second.size());
   for (std::size_t i = 0; i < first.size(); ++i) CHECK(first[i].matrix() == second[i].matrix());
 }

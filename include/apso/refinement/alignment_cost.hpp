@@ -101,6 +101,7 @@ class AlignmentCost {
   }
 
   [[nodiscard]] int levels() const { return current_->size(); }
+  [[nodiscard]] const FramePyramid& current() const { return *current_; }
   [[nodiscard]] const PyramidLevel& current(int level) const { return current_->level(level); }
   [[nodiscard]] const FramePyramid& first_reference() const { return *terms_.front().pyramid; }
   [[nodiscard]] const Pose& first_T_world_reference() const { return terms_.front().T_world_reference; }

@@ -31,18 +31,27 @@ struct CornerSet {
   [[nodiscard]] std::size_t size() const { return points.size(); }
 };
 
-/// Guesses rigid motions from two levels of about 160 x 120 pixels. Corners (Shi and Tomasi, CVPR 1994), one per cell so that
-/// they cover the view; matched where each is the other's best by normalised correlation; motions through three matches
-/// each that keep their distances, judged by how many other matches they bring together (RANSAC, Fischler and Bolles,
-/// 1981), each refined on those. Deterministic. About 1 ms; keeps its buffers.
+/// Guesses rigid motions between two frames. Corners (Shi and Tomasi, CVPR 1994), one per cell so that they cover the view;
+/// matched where each is the other's best by normalised correlation; motions through three matches each that keep their
+/// distances, judged by how many other matches they bring together (RANSAC, Fischler and Bolles, 1981), each refined on
+/// those. Deterministic. 1 to 4 ms; keeps its buffers.
 class CornerSearch {
  public:
+  /// \param level of both pyramids at which corners are looked for, about 160 x 120 pixels; those of the next finer level
+  ///        are added if a mask leaves few
   /// \param T_current_reference receives guesses, the one with the most matches first, none twice; may stay empty
-  void operator()(const PyramidLevel& reference, const PyramidLevel& current, std::vector<Pose>& T_current_reference) {
+  void operator()(const FramePyramid& reference, const FramePyramid& current, int level, std::vector<Pose>& T_current_reference) {
     T_current_reference.clear();
-    describe(reference, reference_);
-    describe(current, current_);
-    match();
+    matches_.clear();
+    describe(reference.level(level), reference_);
+    describe(current.level(level), current_);
+    const bool few = std::min(reference_.size(), current_.size()) < kFew;
+    match(few ? kAlikeFew : kAlike);
+    if (few && level > 0 && current.level(level - 1).camera.width <= FramePyramid::kCornerWidth) {
+      describe(reference.level(level - 1), reference_);
+      describe(current.level(level - 1), current_);
+      match(kAlikeFew);
+    }
     if (matches_.size() < kLeast) return;
     guesses_.clear();
     std::uint32_t state = 1;
@@ -72,15 +81,14 @@ class CornerSearch {
     }
   }
 
-  /// Whether the last call had few corners to go by, so that a finer level may have more.
-  [[nodiscard]] bool few() const { return std::min(reference_.size(), current_.size()) < 100; }
-
  private:
-  static constexpr std::size_t kLeast = 5;  // matches that a guess brings together
-  static constexpr int kTrials = 3000;
+  static constexpr std::size_t kLeast = 4;  // matches that a guess brings together
+  static constexpr std::size_t kFew = 100;  // corners
+  static constexpr int kTrials = 5000;
   static constexpr int kGuesses = 6;
   static constexpr int kCell = 8;           // [px]
-  static constexpr float kAlike = 0.75F;    // least correlation of a match
+  static constexpr float kAlike = 0.75F;     // least correlation of a match
+  static constexpr float kAlikeFew = 0.65F;  // the same where there are few
   struct Match {
     Eigen::Vector3f p, q;  // in the reference, in the current camera [m]
     float tolerance;       // [m]
@@ -169,13 +177,12 @@ class CornerSearch {
                           (static_cast<float>(y) - static_cast<float>(level.camera.cy)) / static_cast<float>(level.camera.fy) * z, z});
   }
 
-  // Pairs of which each is the other's best.
-  void match() {
-    matches_.clear();
+  // Adds the pairs of which each is the other's best.
+  void match(float alike) {
     const std::size_t n = reference_.size();
     const std::size_t m = current_.size();
-    best_of_current_.assign(m, {kAlike, n});
-    best_of_reference_.assign(n, {kAlike, m});
+    best_of_current_.assign(m, {alike, n});
+    best_of_reference_.assign(n, {alike, m});
     for (std::size_t i = 0; i < n; ++i) {
       const float* a = reference_.patches.data() + i * CornerSet::kPatch;
       for (std::size_t j = 0; j < m; ++j) {

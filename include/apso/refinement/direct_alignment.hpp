@@ -129,10 +129,7 @@ class DirectAligner {
                         const Executor& executor) {
     if (cost_.evidence(middle, T_found, executor).contradicted < options().search_contradicted) return T_found;
     const int finer = middle - 1;
-    const FramePyramid& reference = cost_.first_reference();
-    corner_search_(reference.level(finer), cost_.current(finer), guesses_);
-    const bool more = finer > 0 && cost_.current(finer - 1).camera.width <= FramePyramid::kCornerWidth;
-    if (corner_search_.few() && more) corner_search_(reference.level(finer - 1), cost_.current(finer - 1), guesses_);
+    corner_search_(cost_.first_reference(), cost_.current(), finer, guesses_);
     const Pose T_reference_world = inverse(cost_.first_T_world_reference());
     for (Pose& T : guesses_) T = normalized(compose(T, T_reference_world));
     guesses_.push_back(T_found);
