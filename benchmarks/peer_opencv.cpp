@@ -62,4 +62,5 @@ void add_opencv(Methods& methods) {
   methods.push_back(std::make_unique<OpenCvOdometry<cv::rgbd::RgbdOdometry>>("OpenCV RgbdOdometry", "opencv_rgbd"));
   methods.push_back(
       std::make_unique<OpenCvOdometry<cv::rgbd::RgbdICPOdometry>>("OpenCV RgbdICPOdometry", "opencv_rgbd_icp"));
+  methods.push_back(std::make_unique<OpenCvOdometry<cv::rgbd::ICPOdometry>>("OpenCV ICPOdometry (depth)", "opencv_icp"));
 }
