@@ -59,7 +59,7 @@ class CornerSearch {
       state = state * 1664525U + 1013904223U;
       return static_cast<std::size_t>((static_cast<std::uint64_t>(state) * matches_.size()) >> 32U);
     };
-    for (int trial = 0; trial < kTrials; ++trial) {
+    for (int trial = 0; trial < kTrials && guesses_.size() < kEnough; ++trial) {
       const std::array<std::size_t, 3> three{draw(), draw(), draw()};
       Pose T;
       if (!through(three, T)) continue;
@@ -85,6 +85,7 @@ class CornerSearch {
   static constexpr std::size_t kLeast = 4;  // matches that a guess brings together
   static constexpr std::size_t kFew = 100;  // corners
   static constexpr int kTrials = 5000;
+  static constexpr std::size_t kEnough = 1000;  // guesses to choose from
   static constexpr int kGuesses = 6;
   static constexpr int kCell = 8;           // [px]
   static constexpr float kAlike = 0.75F;     // least correlation of a match

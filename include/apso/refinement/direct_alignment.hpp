@@ -130,12 +130,21 @@ class DirectAligner {
     if (cost_.evidence(middle, T_found, executor).contradicted < options().search_contradicted) return T_found;
     const int finer = middle - 1;
     corner_search_(cost_.first_reference(), cost_.current(), finer, guesses_);
+    // the most promising are solved; half a pixel from the pose that was found is the same
     const Pose T_reference_world = inverse(cost_.first_T_world_reference());
-    for (Pose& T : guesses_) T = normalized(compose(T, T_reference_world));
-    guesses_.push_back(T_found);
+    const double focal = cost_.current(finer).camera.fx;
+    starts_.assign(1, {T_found, std::numeric_limits<double>::infinity()});
+    for (const Pose& T_current_reference : guesses_) {
+      const Pose T = normalized(compose(T_current_reference, T_reference_world));
+      const double support = cost_.evidence(finer, T, executor).support;
+      const Twist e = se3_log(compose(T, inverse(T_found)));
+      if (focal * std::max(translation_norm(e) / cost_.typical_depth(), rotation_norm(e)) > 0.5) starts_.push_back({T, support});
+    }
+    std::sort(starts_.begin(), starts_.end(), [](const Start& a, const Start& b) { return a.support > b.support; });
     Pose best = T_found;
     double most = -std::numeric_limits<double>::infinity();
-    for (Pose T : guesses_) {
+    for (std::size_t i = 0; i < std::min<std::size_t>(starts_.size(), kSolved); ++i) {
+      Pose T = starts_[i].T;
       bool converged = false;
       (void)solve_level(finer, T_guess, T, converged, result, executor);
       const double support = cost_.evidence(finer, T, executor).support;
@@ -376,7 +385,13 @@ class DirectAligner {
   AlignmentCost cost_;
   RotationSearch rotation_search_;
   CornerSearch corner_search_;
+  static constexpr std::size_t kSolved = 4;  // starts that are solved
+  struct Start {
+    Pose T;
+    double support;
+  };
   std::vector<Pose> one_, guesses_;
+  std::vector<Start> starts_;
 };
 
 APSO_NAMESPACE_END
