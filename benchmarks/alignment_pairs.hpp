@@ -33,7 +33,6 @@ struct Pair {
   Image8 reference, current;
   Pose T_current_reference = Pose::Identity();
   double moving_share = 0;  ///< of the pixels of both frames, on average, [0,1]
-  double largest_share = 0; ///< of the frame in which more moves
   double step = 0;          ///< translation [m]
 };
 
@@ -79,14 +78,11 @@ class PairMaker {
     shoot(scene, T_world_reference, before, c, seed + 1, 1.0, pair.reference);
     shoot(scene, apso::inverse(T_current_world), after, c, hash64(seed + 2) + static_cast<std::uint64_t>(1e6 * step),
           1.0 + c.gain * motion.uniform(-1, 1), pair.current);
-    double moving[2] = {0, 0};
+    double moving = 0;
     for (std::size_t i = 0; i < pair.current.probability.size(); ++i) {
-      moving[0] += static_cast<double>(pair.reference.probability.data()[i]);
-      moving[1] += static_cast<double>(pair.current.probability.data()[i]);
+      moving += static_cast<double>(pair.reference.probability.data()[i] + pair.current.probability.data()[i]);
     }
-    const auto pixels = static_cast<double>(pair.current.probability.size());
-    pair.moving_share = 0.5 * (moving[0] + moving[1]) / pixels;
-    pair.largest_share = std::max(moving[0], moving[1]) / pixels;
+    pair.moving_share = 0.5 * moving / static_cast<double>(pair.current.probability.size());
     return pair;
   }
 

@@ -12,6 +12,7 @@
 #include <apso/executor.hpp>
 #include <apso/math/assignment.hpp>
 #include <apso/math/lanes.hpp>
+#include <apso/math/linear_congruential.hpp>
 #include <apso/math/robust_kernel.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/sampling.hpp>

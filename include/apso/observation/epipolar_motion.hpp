@@ -14,6 +14,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/math/linear_congruential.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/symmetric.hpp>
@@ -271,15 +272,14 @@ class EpipolarMotion {
 
   // Random samples of eight, the most inliers win, then all of them once more.
   [[nodiscard]] bool find_lines(Eigen::Matrix3d& F) {
-    std::uint32_t state = options_.seed * 2654435761U + 1U;
+    LinearCongruential random(options_.seed * 2654435761U + 1U);
     const auto count = static_cast<std::uint32_t>(pairs_.size());
     std::size_t most = 0;
     Eigen::Matrix3d candidate;
     for (int trial = 0; trial < options_.trials; ++trial) {
       sample_.clear();
       while (sample_.size() < 8) {
-        state = state * 1664525U + 1013904223U;
-        const int i = static_cast<int>((state >> 8) % count);
+        const int i = static_cast<int>((random() >> 8) % count);
         if (std::find(sample_.begin(), sample_.end(), i) == sample_.end()) sample_.push_back(i);
       }
       if (!eight_point(pairs_, sample_, candidate)) continue;

@@ -95,10 +95,6 @@ class AlignmentCost {
   void set_scales(double scale) {
     for (std::size_t k = 0; k < used_; ++k) terms_[k].scales.scale_intensity = terms_[k].scales.scale_depth = scale;
   }
-  void set_kernel(KernelKind kind, double k) {
-    kernel_.kind = kind;
-    kernel_.k = k;
-  }
 
   [[nodiscard]] int levels() const { return current_->size(); }
   [[nodiscard]] const FramePyramid& current() const { return *current_; }
@@ -280,7 +276,8 @@ class AlignmentCost {
     enter(level);
     estimate_scales(T_camera_world, options_.scale_samples, 0, executor);  // for the brightness
     set_scales(0.5);
-    set_kernel(KernelKind::GemanMcClure, 2.0);
+    kernel_.kind = KernelKind::GemanMcClure;
+    kernel_.k = 2.0;
     sum(T_camera_world, kTrial, executor);
     const double outlier = 0.5 * kernel_.k * kernel_.k;
     double against = 0;

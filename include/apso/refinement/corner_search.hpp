@@ -14,6 +14,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/lanes.hpp>
+#include <apso/math/linear_congruential.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
@@ -54,10 +55,9 @@ class CornerSearch {
     }
     if (matches_.size() < kLeast) return;
     guesses_.clear();
-    std::uint32_t state = 1;
-    const auto draw = [&] {  // linear congruential, constants of Numerical Recipes; the high bits are the random ones
-      state = state * 1664525U + 1013904223U;
-      return static_cast<std::size_t>((static_cast<std::uint64_t>(state) * matches_.size()) >> 32U);
+    LinearCongruential random(1);
+    const auto draw = [&] {
+      return static_cast<std::size_t>((static_cast<std::uint64_t>(random()) * matches_.size()) >> 32U);
     };
     for (int trial = 0; trial < kTrials && guesses_.size() < kEnough; ++trial) {
       const std::array<std::size_t, 3> three{draw(), draw(), draw()};
@@ -72,10 +72,11 @@ class CornerSearch {
                                          [](const Guess& a, const Guess& b) { return a.inliers < b.inliers; });
       Pose T = best->T;
       for (int k = 0; k < 3; ++k) refine(T);
-      (void)inliers(T);
       T_current_reference.push_back(T);
       // what brings together the same points is the same guess
-      taken_ = supports_;
+      const FloatPose f(T);
+      taken_.clear();
+      for (const Match& m : matches_) taken_.push_back(agrees(f, m) ? 1 : 0);
       guesses_.erase(std::remove_if(guesses_.begin(), guesses_.end(), [&](const Guess& g) { return 2 * shared(g.T) > g.inliers; }),
                      guesses_.end());
     }
@@ -252,15 +253,10 @@ class CornerSearch {
   [[nodiscard]] static bool agrees(const FloatPose& T, const Match& m) {
     return squared_norm(Eigen::Vector3f(minus(T(m.p.x(), m.p.y(), m.p.z()), m.q))) < m.tolerance * m.tolerance;
   }
-  int inliers(const Pose& T) {
+  [[nodiscard]] int inliers(const Pose& T) const {
     const FloatPose f(T);
-    supports_.assign(matches_.size(), 0);
     int n = 0;
-    for (std::size_t i = 0; i < matches_.size(); ++i) {
-      if (!agrees(f, matches_[i])) continue;
-      supports_[i] = 1;
-      ++n;
-    }
+    for (const Match& m : matches_) n += agrees(f, m) ? 1 : 0;
     return n;
   }
   [[nodiscard]] int shared(const Pose& T) const {
@@ -298,7 +294,7 @@ class CornerSearch {
   std::vector<std::pair<float, std::size_t>> best_of_current_, best_of_reference_;
   std::vector<Match> matches_;
   std::vector<Guess> guesses_;
-  std::vector<char> supports_, taken_;
+  std::vector<char> taken_;  // whether the last guess brings a match together
 };
 
 APSO_NAMESPACE_END

@@ -133,12 +133,14 @@ class DirectAligner {
     // the most promising are solved; half a pixel from the pose that was found is the same
     const Pose T_reference_world = inverse(cost_.first_T_world_reference());
     const double focal = cost_.current(finer).camera.fx;
+    cost_.enter(finer);
+    const double depth = cost_.typical_depth();
     starts_.assign(1, {T_found, std::numeric_limits<double>::infinity()});
     for (const Pose& T_current_reference : guesses_) {
       const Pose T = normalized(compose(T_current_reference, T_reference_world));
-      const double support = cost_.evidence(finer, T, executor).support;
       const Twist e = se3_log(compose(T, inverse(T_found)));
-      if (focal * std::max(translation_norm(e) / cost_.typical_depth(), rotation_norm(e)) > 0.5) starts_.push_back({T, support});
+      if (focal * std::max(translation_norm(e) / depth, rotation_norm(e)) <= 0.5) continue;
+      starts_.push_back({T, cost_.evidence(finer, T, executor).support});
     }
     std::sort(starts_.begin(), starts_.end(), [](const Start& a, const Start& b) { return a.support > b.support; });
     Pose best = T_found;
