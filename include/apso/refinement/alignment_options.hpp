@@ -103,7 +103,7 @@ struct AlignmentOptions {
 /// the more exact of the two: equal weights, and scales as small as the images allow.
 [[nodiscard]] inline AlignmentOptions dense_alignment() {
   AlignmentOptions o;
-  o.alpha.finest = 1;
+  o.alpha.finest = 0.85;
   o.scale_floor.finest = 0.03;
   return o;
 }

@@ -25,7 +25,7 @@ struct PixelList {
   enum Field {
     kX, kY, kZ,        ///< point in the camera of the reference [m]
     kIntensity,        ///< [0,1]
-    kGradient2,        ///< |grad I|^2 [1/px^2]
+    kGradient2,        ///< |grad I|^2 [1/px^2], < 0: behind an edge or beside a hole, the intensity is not compared
     kDepthGradient2,   ///< |grad Z|^2 [m^2/px^2], < 0: on an edge or beside a hole, the depth is not compared
     kGamma,            ///< weight [0,1]
     kI0, kI1, kI2,     ///< J_pi^T grad I [1/m]: the photometric row of the Jacobian is (a, X x a)
@@ -68,6 +68,12 @@ struct SelectionOptions {
   }
 };
 
+/// Standard deviation of the gradient of white noise of deviation 1 [1/px], within 15 %, `level` halvings by 1 3 3 1 from the
+/// full size, and smoothed by 1 2 1 if it is the finest.
+[[nodiscard]] inline float gradient_noise(int level, int finest) {
+  return (level == finest ? 0.3F : 0.55F) / static_cast<float>(1 << level);
+}
+
 /// Chooses pixels of a level. The image is cut into cells of b x b pixels, b as small as max_pixels allows, and each cell
 /// gives the pixel that tells most about the motion: the choice is spread evenly, the same in every run, and leaves
 /// bare surfaces in, since their depth still fixes three directions.
@@ -75,8 +81,9 @@ class PixelSelector {
  public:
   /// \param gamma weights, or empty: all `background`
   /// \param level halvings from the full size
+  /// \param noise standard deviation of the gradient where nothing is to be seen [1/px], as a multiple of image_noise
   void operator()(const Plane& intensity, const Plane& depth, const Plane& gamma, float background, const Pinhole& camera,
-                  int level, int max_pixels, const SelectionOptions& options, PixelList& out) {
+                  int level, float noise, int max_pixels, const SelectionOptions& options, PixelList& out) {
     const int w = intensity.width();
     const int h = intensity.height();
     int b = 1;
@@ -130,7 +137,7 @@ class PixelSelector {
           for (int i = 0; i < PixelList::kBlock; i += kLanes) sum += Lanes::load(out.block(k) + PixelList::kZ * PixelList::kBlock + i);
         }
         tile.depth = tile.count > 0 ? sum.sum() / static_cast<float>(tile.count) : 0.0F;
-        drop_noise(out, tile, b, level, view.fx, options);
+        drop_noise(out, tile, b, options.image_noise * noise, options.depth_noise * view.fx / static_cast<float>(1 << level), view.fx);
         out.tiles.push_back(tile);
         out.count += tile.count;
       }
@@ -150,7 +157,7 @@ class PixelSelector {
   // All quantities of the pixels found[0 .. n), n <= kBlock; the rest of the block becomes 0.
   static void fill(float* block, const int* found, int n, const Images& in) {
     using P = PixelList;
-    enum { kPx, kPy, kI, kIl, kIr, kIu, kId, kDepth, kZl, kZr, kZu, kZd, kG, kRaw };
+    enum { kPx, kPy, kI, kIl, kIr, kIu, kId, kDepth, kZl, kZr, kZu, kZd, kNear, kG, kRaw };
     float raw[kRaw * P::kBlock] = {};
     for (int i = 0; i < n; ++i) {
       const int x = found[i] & 0xFFFF;
@@ -170,6 +177,7 @@ class PixelSelector {
       set(kZr, Z[1]);
       set(kZu, in.depth.row(y - 1)[x]);
       set(kZd, in.depth.row(y + 1)[x]);
+      set(kNear, std::min(std::min(Z[-2], Z[2]), std::min(in.depth.row(y - 2)[x], in.depth.row(y + 2)[x])));
       set(kG, in.gamma.empty() ? in.background : in.gamma.row(y)[x]);
     }
     const Lanes zero = 0.0F;
@@ -186,18 +194,20 @@ class PixelSelector {
       put(P::kY, Y);
       put(P::kZ, z);
       put(P::kIntensity, get(kI));
-      put(P::kGradient2, gx * gx + gy * gy);
       put(P::kGamma, get(kG));
-      const Lanes a0 = gx * in.fx * iz;
-      const Lanes a1 = gy * in.fy * iz;
+      const Lanes l = get(kZl), r = get(kZr), u = get(kZu), d = get(kZd);
+      const Lanes low = min(min(l, r), min(u, d));
+      const Mask own = min(low, get(kNear)) > z * (1.0F - in.edge);
+      put(P::kGradient2, select(own, gx * gx + gy * gy, select(z > zero, -1.0F, zero)));
+      const Lanes a0 = select(own, gx * in.fx * iz, zero);
+      const Lanes a1 = select(own, gy * in.fy * iz, zero);
       put(P::kI0, a0);
       put(P::kI1, a1);
       put(P::kI2, zero - (a0 * X + a1 * Y) * iz);
-      const Lanes l = get(kZl), r = get(kZr), u = get(kZu), d = get(kZd);
       const Lanes zx = 0.5F * (r - l);
       const Lanes zy = 0.5F * (d - u);
       const Lanes g2 = zx * zx + zy * zy;
-      const Mask smooth = (min(min(l, r), min(u, d)) > zero) & (g2 < in.edge * in.edge * z * z);
+      const Mask smooth = (low > zero) & (g2 < in.edge * in.edge * z * z);
       const Lanes d0 = select(smooth, zx * in.fx * iz, zero);
       const Lanes d1 = select(smooth, zy * in.fy * iz, zero);
       put(P::kDepthGradient2, select(smooth, g2, select(z > zero, -1.0F, zero)));
@@ -209,21 +219,17 @@ class PixelSelector {
 
   // Gradients of mere noise would make a bare wall look as if it fixed the motion along it. A tile without texture gets no
   // photometric rows; a tile that is plane within the noise gets the slope of the plane.
-  static void drop_noise(PixelList& list, const PixelList::Tile& tile, int b, int level, float fx,
-                         const SelectionOptions& options) {
+  static void drop_noise(PixelList& list, const PixelList::Tile& tile, int b, float noise, float slope, float fx) {
     using P = PixelList;
-    // 1 3 3 1 leaves 0.3125 of the noise at each halving; the largest of b^2 exponentials is 1 + 1/2 + ... 1/b^2
-    const float noise = options.image_noise * std::pow(0.3125F, static_cast<float>(level));
-    float largest = 0;
+    float largest = 0;  // of b^2 exponentials: 1 + 1/2 + ... 1/b^2
     for (int i = 1; i <= b * b; ++i) largest += 1.0F / static_cast<float>(i);
-    const float slope = options.depth_noise * fx / static_cast<float>(1 << level);
     const Lanes zero = 0.0F;
     Lanes gradients = zero, count = zero, sum0 = zero, sum1 = zero, squares = zero, noises = zero;
     for (int k = tile.begin; k < tile.end; ++k) {
       const float* p = list.block(k);
       for (int i = 0; i < P::kBlock; i += kLanes) {
         const auto get = [&](P::Field f) { return Lanes::load(p + f * P::kBlock + i); };
-        gradients += get(P::kGradient2);
+        gradients += max(get(P::kGradient2), zero);
         const Mask ok = (get(P::kGamma) > zero) & (get(P::kDepthGradient2) >= zero);
         const Lanes d0 = get(P::kD0);  // 0 unless ok
         const Lanes d1 = get(P::kD1);

@@ -71,6 +71,29 @@ inline void halve_intensity(const Plane& in, Plane& out, Plane& line) {
   }
 }
 
+/// Smoothed by the taps 1 2 1 (/4) in both directions.
+inline void smooth_intensity(const Plane& in, Plane& out, Plane& line) {
+  const int w = in.width();
+  const int h = in.height();
+  out.resize(w, h);
+  line.resize(w, 1);
+  float* l = line.row(0);
+  for (int y = 0; y < h; ++y) {
+    const float* a = in.row(std::max(y - 1, 0));
+    const float* b = in.row(y);
+    const float* c = in.row(std::min(y + 1, h - 1));
+    for (int x = 0; x < w; x += kLanes) {
+      (0.25F * (Lanes::load(a + x) + Lanes::load(c + x)) + 0.5F * Lanes::load(b + x)).store(l + x);
+    }
+    l[-1] = l[0];
+    l[w] = l[w - 1];
+    float* o = out.row(y);
+    for (int x = 0; x < w; x += kLanes) {
+      (0.25F * (Lanes::load(l + x - 1) + Lanes::load(l + x + 1)) + 0.5F * Lanes::load(l + x)).store(o + x);
+    }
+  }
+}
+
 /// Half the size: the mean of the valid ones of 2x2 depths that lie within 10 cm of their second largest, so never a
 /// mean over an edge. 0 stays "invalid".
 inline void halve_depth(const Plane& in, Plane& out) {

@@ -53,15 +53,17 @@ struct PyramidLevel {
   Plane depth;                 ///< [m], 0 = invalid
   Plane gamma;                 ///< weight [0,1]; empty when all weights are those of the background
   std::vector<float> texture;  ///< intensity and depth of each pixel side by side, as they are looked up together;
-                               ///< empty unless prepared as current
-  PixelList pixels;            ///< empty unless prepared as reference
+                               ///< intensity smoothed if finest; empty unless prepared as current
+  PixelList pixels;            ///< of the same images; empty unless prepared as reference
   float median_depth = 0;      ///< of the selected pixels [m]
 };
 
 /// What a pyramid is prepared for.
 enum class PyramidRole { Current, Reference, Both };
 
-/// A frame at the levels finest .. coarsest. Building again with the same sizes allocates nothing.
+/// A frame at the levels finest .. coarsest. What is aligned at the finest level is the image smoothed by 1 2 1: noise in a
+/// gradient weights the pixel that has it, and reading between pixels errs by their curvature. Halving does as much for the
+/// coarser levels, and corners are found in images as they are. Building again with the same sizes allocates nothing.
 class FramePyramid {
  public:
   static constexpr int kCornerWidth = 400;  ///< images wider than this are not kept of a reference [px]
@@ -85,27 +87,23 @@ class FramePyramid {
       if (last == nullptr) {
         sanitise(frame, dynamic_probability, options, level);
       } else {
+        filter(halve_intensity, last->intensity, last->gamma, level.intensity);
         halve_depth(last->depth, level.depth);
-        if (last->gamma.empty()) {
-          halve_intensity(last->intensity, level.intensity, line_);
-          level.gamma.clear();
-        } else {  // each counts by its weight, so that what is masked does not mix in
-          multiply(last->intensity, last->gamma, weighted_);
-          halve_intensity(weighted_, level.intensity, line_);
-          halve_intensity(last->gamma, smooth_gamma_, line_);
-          divide(level.intensity, smooth_gamma_, 1e-3F);
-          halve_mean(last->gamma, level.gamma);
-        }
+        if (last->gamma.empty()) level.gamma.clear();
+        else halve_mean(last->gamma, level.gamma);
         cam = cam.halved();
       }
       level.camera = cam;
       last = &level;
       if (l < finest_) continue;
-      if (role != PyramidRole::Reference) interleave(level);
+      if (l == finest_) filter(smooth_intensity, level.intensity, level.gamma, smooth_);
+      const Plane& aligned = l == finest_ ? smooth_ : level.intensity;
+      if (role != PyramidRole::Reference) interleave(aligned, level.depth, level.texture);
       else level.texture.clear();
       if (role != PyramidRole::Current) {
         const int most = l == finest_ ? options.selection.max_pixels : options.selection.max_coarse_pixels;
-        selector_(level.intensity, level.depth, level.gamma, background_, cam, l, most, options.selection, level.pixels);
+        selector_(aligned, level.depth, level.gamma, background_, cam, l, gradient_noise(l, finest_), most,
+                  options.selection, level.pixels);
         find_median_depth(level);
       }
     }
@@ -212,15 +210,28 @@ class FramePyramid {
     if (!masked_ && !broken) out.gamma.clear();
   }
 
-  static void interleave(PyramidLevel& l) {
-    const int w = l.intensity.width();
-    const int h = l.intensity.height();
+  // out = f(in), in which each pixel counts by its weight, so that what is masked does not mix in.
+  template <class F>
+  void filter(const F& f, const Plane& in, const Plane& gamma, Plane& out) {
+    if (gamma.empty()) {
+      f(in, out, line_);
+      return;
+    }
+    multiply(in, gamma, weighted_);
+    f(weighted_, out, line_);
+    f(gamma, smooth_gamma_, line_);
+    divide(out, smooth_gamma_, 1e-3F);
+  }
+
+  static void interleave(const Plane& intensity, const Plane& depth, std::vector<float>& texture) {
+    const int w = intensity.width();
+    const int h = intensity.height();
     // rows follow each other without a gap; the last one is written beyond its end
-    l.texture.resize(2 * (static_cast<std::size_t>(w) * static_cast<std::size_t>(h) + Plane::kPad));
+    texture.resize(2 * (static_cast<std::size_t>(w) * static_cast<std::size_t>(h) + Plane::kPad));
     for (int y = 0; y < h; ++y) {
-      float* t = l.texture.data() + 2 * static_cast<std::ptrdiff_t>(y) * w;
+      float* t = texture.data() + 2 * static_cast<std::ptrdiff_t>(y) * w;
       for (int x = 0; x < w; x += kLanes) {
-        store_pairs(Lanes::load(l.intensity.row(y) + x), Lanes::load(l.depth.row(y) + x), t + 2 * x);
+        store_pairs(Lanes::load(intensity.row(y) + x), Lanes::load(depth.row(y) + x), t + 2 * x);
       }
     }
   }
@@ -242,7 +253,7 @@ class FramePyramid {
 
   std::vector<PyramidLevel> levels_;
   PyramidLevel skipped_[2];
-  Plane line_, weighted_, smooth_gamma_;
+  Plane smooth_, line_, weighted_, smooth_gamma_;
   PixelSelector selector_;
   std::vector<float> sample_;
   double timestamp_ = 0;

@@ -49,8 +49,8 @@ struct WarpOptions {
 /// What became of the warped pixels.
 struct WarpCounts {
   int selected = 0;      ///< pixels of the reference
-  int valid = 0;         ///< gave a photometric residual with a weight above 0
-  int valid_depth = 0;   ///< of these, gave a depth residual as well
+  int valid = 0;         ///< seen in the current image
+  int valid_depth = 0;   ///< of these, gave a depth residual
   int out_of_view = 0;   ///< left the image or came too near
   int occluded = 0;      ///< something stands in front
   int disoccluded = 0;   ///< the surface is gone, something farther is seen
@@ -73,7 +73,7 @@ struct WarpedLanes {
   Lanes residual_depth;      ///< r_D [m]
   Lanes inverse_intensity;   ///< 1 / variance of r_I by the noise model
   Lanes inverse_depth;       ///< 1 / variance of r_D [1/m^2]
-  Lanes weight_intensity;    ///< gamma of a valid residual, else 0
+  Lanes weight_intensity;    ///< gamma of a pixel that is seen and stands behind nothing, else 0
   Lanes weight_depth;        ///< gamma of a valid residual, else 0
   Lanes lost;                ///< gamma of a pixel that is out of view or occluded, else 0
   Lanes I[3], D[3];          ///< the a of both rows of the Jacobian
@@ -172,7 +172,9 @@ class Warper {
     o.occluded = gated & (gap < zero);
     o.disoccluded = gated & !(gap < zero);
     o.valid = weighted & !gated;
-    o.weight_intensity = select(o.valid, weight, 0.0F);
+    // behind an edge the pixel shows part of what is in front
+    const Lanes gi2 = field(P::kGradient2);
+    o.weight_intensity = select(o.valid & (gi2 >= zero), weight, 0.0F);
     const Lanes gz2 = field(P::kDepthGradient2);
     o.valid_depth = o.valid & (least > zero) & (most - least <= spread_ * least) & (gz2 >= zero);
     o.weight_depth = select(o.valid_depth, weight, 0.0F);
@@ -186,7 +188,7 @@ class Warper {
     o.D[1] = field(P::kD1);
     o.D[2] = field(P::kD2);
     if (!static_fusion_) {
-      o.inverse_intensity = 1.0F / (s2_intensity_ + s2_pixel_ * field(P::kGradient2));
+      o.inverse_intensity = 1.0F / (s2_intensity_ + s2_pixel_ * max(gi2, 0.0F));
       const Lanes sz = max(1.425e-3F * Z * Z, 1e-3F);
       const Lanes sy = max(1.425e-3F * Y2 * Y2, 1e-3F);
       o.inverse_depth = 1.0F / (sz * sz + sy * sy + s2_pixel_ * max(gz2, 0.0F));

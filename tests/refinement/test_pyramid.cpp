@@ -1,0 +1,151 @@
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include <apso/refinement/pyramid.hpp>
+
+#include "room.hpp"
+
+using namespace apso;
+
+namespace {
+room::Frame flat(const Pinhole& cam, float intensity, float depth) {
+  room::Frame f;
+  f.intensity.assign(cam.width, cam.height, intensity);
+  f.depth.assign(cam.width, cam.height, depth);
+  return f;
+}
+
+// f(pixel list, block, lane, column, row) for each pixel with depth.
+template <class F>
+void for_pixels(const PyramidLevel& level, F&& f) {
+  const PixelList& list = level.pixels;
+  for (int b = 0; b < list.blocks(); ++b) {
+    for (int i = 0; i < PixelList::kBlock; ++i) {
+      const auto z = static_cast<double>(list.at(b, PixelList::kZ, i));
+      if (!(z > 0)) continue;
+      const double x = level.camera.fx * static_cast<double>(list.at(b, PixelList::kX, i)) / z + level.camera.cx;
+      const double y = level.camera.fy * static_cast<double>(list.at(b, PixelList::kY, i)) / z + level.camera.cy;
+      f(list, b, i, static_cast<int>(std::lround(x)), static_cast<int>(std::lround(y)));
+    }
+  }
+}
+}  // namespace
+
+TEST_CASE("gradients of white noise are as large as gradient_noise says") {
+  const Pinhole cam = room::camera(640);
+  room::Frame f = flat(cam, .5F, 2);
+  constexpr double kNoise = .02;
+  std::mt19937 rng(7);
+  std::normal_distribution<double> normal(0, kNoise);
+  for (int i = 0; i < cam.width * cam.height; ++i) f.intensity.data()[i] += static_cast<float>(normal(rng));
+  for (const int finest : {0, 1, 2}) {
+    PyramidOptions o;
+    o.finest = finest;
+    o.selection.max_pixels = o.selection.max_coarse_pixels = 0;
+    o.selection.image_noise = 0;  // keep all
+    FramePyramid p;
+    p.build(f.view(), cam, {}, o);
+    for (int l = 0; l < 4; ++l) {
+      double sum = 0;
+      int n = 0;
+      for_pixels(p.level(l), [&](const PixelList& list, int b, int i, int, int) {
+        sum += static_cast<double>(list.at(b, PixelList::kGradient2, i));
+        ++n;
+      });
+      CAPTURE(finest);
+      CAPTURE(l);
+      const double measured = std::sqrt(sum / n) / kNoise;
+      CHECK(measured == doctest::Approx(static_cast<double>(gradient_noise(finest + l, finest))).epsilon(.17));
+    }
+  }
+}
+
+TEST_CASE("the finest level is aligned smoothed, the others as they are halved") {
+  const Pinhole cam = room::camera(160);
+  room::Frame f = flat(cam, 0, 2);
+  f.intensity(80, 60) = 1;
+  PyramidOptions o;
+  o.finest = 0;
+  FramePyramid p;
+  p.build(f.view(), cam, {}, o);
+  const auto read = [&](int level, int x, int y) {
+    const PyramidLevel& l = p.level(level);
+    return l.texture[2 * static_cast<std::size_t>(y * l.camera.width + x)];
+  };
+  const float taps[3] = {.25F, .5F, .25F};
+  float sum = 0;
+  for (int y = 58; y <= 62; ++y) {
+    for (int x = 78; x <= 82; ++x) {
+      const bool near = std::abs(x - 80) < 2 && std::abs(y - 60) < 2;
+      CHECK(read(0, x, y) == doctest::Approx(near ? taps[x - 79] * taps[y - 59] : 0.0F));
+      sum += read(0, x, y);
+    }
+  }
+  CHECK(sum == doctest::Approx(1));
+  CHECK(p.level(0).intensity.row(60)[80] == 1.0F);
+  CHECK(read(1, 40, 30) == doctest::Approx(.375 * .375));
+  CHECK(read(1, 40, 30) == p.level(1).intensity.row(30)[40]);
+}
+
+TEST_CASE("what is masked does not mix into what is not, at any level") {
+  const Pinhole cam = room::camera(160);
+  room::Frame f = flat(cam, .3F, 2);
+  std::vector<float> probability(static_cast<std::size_t>(cam.width * cam.height), 0.0F);
+  for (int y = 0; y < cam.height; ++y) {
+    for (int x = 71; x < cam.width; ++x) {
+      f.intensity(x, y) = .9F;
+      probability[static_cast<std::size_t>(y * cam.width + x)] = 1;
+    }
+  }
+  PyramidOptions o;
+  o.finest = 0;
+  o.selection.image_noise = 0;
+  FramePyramid p;
+  p.build(f.view(), cam, {probability.data(), cam.width, cam.height, cam.width}, o);
+  CHECK(p.masked());
+  for (int l = 0; l < p.size(); ++l) {
+    int n = 0;
+    for_pixels(p.level(l), [&](const PixelList& list, int b, int i, int, int) {
+      CHECK(list.at(b, PixelList::kIntensity, i) == doctest::Approx(.3).epsilon(1e-5));
+      ++n;
+    });
+    CHECK(n > 0);
+  }
+}
+
+TEST_CASE("behind an edge and beside a hole the intensity is not compared; on the edge of what is in front it is") {
+  const Pinhole cam = room::camera(160);
+  room::Frame f = flat(cam, .2F, 3);
+  for (int y = 0; y < cam.height; ++y) {
+    for (int x = 0; x < cam.width; ++x) {
+      f.intensity(x, y) = .2F + .004F * static_cast<float>(x);  // texture everywhere
+      if (x >= 40 && x < 80) f.depth(x, y) = 1.5F;              // something in front
+      if (x >= 120 && x < 124) f.depth(x, y) = 0;
+    }
+  }
+  PyramidOptions o;
+  o.finest = 0;
+  o.levels = 1;
+  o.selection.max_pixels = 0;
+  o.selection.image_noise = 0;
+  FramePyramid p;
+  p.build(f.view(), cam, {}, o);
+  int seen[3] = {0, 0, 0};
+  for_pixels(p.level(0), [&](const PixelList& list, int b, int i, int x, int y) {
+    if (y < 4 || y >= cam.height - 4 || x < 4 || x >= cam.width - 4) return;
+    const bool behind = (x >= 38 && x < 40) || (x >= 80 && x < 82);
+    const bool beside = (x >= 118 && x < 120) || (x >= 124 && x < 126);
+    CAPTURE(x);
+    const bool compared = list.at(b, PixelList::kGradient2, i) >= 0;
+    CHECK(compared == !(behind || beside));
+    CHECK((list.at(b, PixelList::kI0, i) != 0.0F) == compared);
+    ++seen[behind ? 0 : (beside ? 1 : 2)];
+  });
+  CHECK(seen[0] > 300);
+  CHECK(seen[1] > 300);
+  CHECK(seen[2] > 10000);
+}
