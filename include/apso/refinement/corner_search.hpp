@@ -35,7 +35,7 @@ struct CornerSet {
 /// Guesses rigid motions between two frames. Corners (Shi and Tomasi, CVPR 1994), one per cell so that they cover the view;
 /// matched where each is the other's best by normalised correlation; motions through three matches each that keep their
 /// distances, judged by how many other matches they bring together (RANSAC, Fischler and Bolles, 1981), each refined on
-/// those. Deterministic. 1 to 4 ms; keeps its buffers.
+/// those. Deterministic; keeps its buffers.
 class CornerSearch {
  public:
   /// \param level of both pyramids at which corners are looked for, about 160 x 120 pixels; those of the next finer level
