@@ -111,7 +111,8 @@ std::unique_ptr<track::FrameSource> open_source(const Arguments& a) {
         "--camera is needed for a recording: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim, or a YAML file (wrong "
         "intrinsics or a wrong depth scale give a wrong trajectory silently, so there is no default)");
   }
-  const bool is_file = fs::exists(a.camera) || a.camera.find('.') != std::string::npos;
+  // a folder of results may well be called bonn
+  const bool is_file = (fs::exists(a.camera) && !fs::is_directory(a.camera)) || a.camera.find('.') != std::string::npos;
   const apso::opencv::CameraModel camera =
       is_file ? apso::camera_from_yaml(a.camera) : apso::camera_by_name(a.camera);
   return std::make_unique<track::RecordedSource>(a.sequence, camera);
