@@ -220,6 +220,53 @@ inline Lanes to_float(const IntLanes& a) {
   return to_float(e) * 0.693147181F + s * series;
 }
 
+#if defined(__GNUC__)
+#if defined(__has_builtin)
+#if __has_builtin(__builtin_shufflevector)
+#define APSO_HAS_SHUFFLEVECTOR 1
+#endif
+#endif
+namespace detail {
+using Four = float __attribute__((vector_size(16)));
+APSO_INLINE Four four(const float* p) {
+  Four f;
+  std::memcpy(&f, p, sizeof f);
+  return f;
+}
+/// The fours at base + at[0], at[4], at[8] ... one behind the other. Joined in registers: written to memory by fours, the
+/// whole could not be read back until all of them had reached the cache.
+APSO_INLINE FloatVector join(const float* base, const std::int32_t* at) {
+#if defined(APSO_HAS_SHUFFLEVECTOR) && defined(__AVX512F__)
+  const auto low = __builtin_shufflevector(four(base + at[0]), four(base + at[4]), 0, 1, 2, 3, 4, 5, 6, 7);
+  const auto high = __builtin_shufflevector(four(base + at[8]), four(base + at[12]), 0, 1, 2, 3, 4, 5, 6, 7);
+  return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+#elif defined(APSO_HAS_SHUFFLEVECTOR) && defined(__AVX__)
+  return __builtin_shufflevector(four(base + at[0]), four(base + at[4]), 0, 1, 2, 3, 4, 5, 6, 7);
+#else
+  Four part[kLanes / 4];
+  for (int g = 0; g < kLanes / 4; ++g) part[g] = four(base + at[4 * g]);
+  FloatVector whole;
+  std::memcpy(&whole, part, sizeof whole);
+  return whole;
+#endif
+}
+#undef APSO_HAS_SHUFFLEVECTOR
+/// Of each four lanes of a and b the first two (half = 0) or the last two (half = 1), in turn.
+template <int half>
+APSO_INLINE FloatVector interleave(const FloatVector& a, const FloatVector& b) {
+#if defined(__clang__)
+  FloatVector r;
+  for (int i = 0; i < kLanes; ++i) r[i] = (i % 2 == 0 ? a : b)[i / 4 * 4 + i % 4 / 2 + 2 * half];
+  return r;
+#else
+  IntVector index;
+  for (int i = 0; i < kLanes; ++i) index[i] = i / 4 * 4 + i % 4 / 2 + 2 * half + i % 2 * kLanes;
+  return __builtin_shuffle(a, b, index);
+#endif
+}
+}  // namespace detail
+#endif
+
 /// Four neighbouring floats p[0..3] at each of kLanes places, as four Lanes.
 struct Quad {
   Lanes c[4];
@@ -227,28 +274,21 @@ struct Quad {
 [[nodiscard]] APSO_INLINE Quad load_quads(const float* base, const IntLanes& offset) {
   Quad q;
 #if defined(__GNUC__)
-  using Four = float __attribute__((vector_size(16)));
-  Four part[4][kLanes / 4];
-  for (int g = 0; g < kLanes / 4; ++g) {
-    Four r[4];
-    for (int i = 0; i < 4; ++i) std::memcpy(&r[i], base + offset.v[4 * g + i], sizeof r[i]);
-#if defined(__clang__)
-#define APSO_SHUFFLE(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
-#else
-    using FourInt = std::int32_t __attribute__((vector_size(16)));
-#define APSO_SHUFFLE(a, b, i, j, k, l) __builtin_shuffle(a, b, FourInt{i, j, k, l})
-#endif
-    const Four a = APSO_SHUFFLE(r[0], r[1], 0, 4, 1, 5);
-    const Four b = APSO_SHUFFLE(r[2], r[3], 0, 4, 1, 5);
-    const Four c = APSO_SHUFFLE(r[0], r[1], 2, 6, 3, 7);
-    const Four d = APSO_SHUFFLE(r[2], r[3], 2, 6, 3, 7);
-    part[0][g] = APSO_SHUFFLE(a, b, 0, 1, 4, 5);
-    part[1][g] = APSO_SHUFFLE(a, b, 2, 3, 6, 7);
-    part[2][g] = APSO_SHUFFLE(c, d, 0, 1, 4, 5);
-    part[3][g] = APSO_SHUFFLE(c, d, 2, 3, 6, 7);
-#undef APSO_SHUFFLE
-  }
-  for (int k = 0; k < 4; ++k) std::memcpy(&q.c[k].v, &part[k][0], sizeof q.c[k].v);
+  std::int32_t at[kLanes];
+  std::memcpy(at, &offset.v, sizeof at);
+  // r_i: of each four lanes the i-th one, all its four floats
+  const detail::FloatVector r0 = detail::join(base, at);
+  const detail::FloatVector r1 = detail::join(base, at + 1);
+  const detail::FloatVector r2 = detail::join(base, at + 2);
+  const detail::FloatVector r3 = detail::join(base, at + 3);
+  const detail::FloatVector a = detail::interleave<0>(r0, r2);
+  const detail::FloatVector b = detail::interleave<0>(r1, r3);
+  const detail::FloatVector c = detail::interleave<1>(r0, r2);
+  const detail::FloatVector d = detail::interleave<1>(r1, r3);
+  q.c[0].v = detail::interleave<0>(a, b);
+  q.c[1].v = detail::interleave<1>(a, b);
+  q.c[2].v = detail::interleave<0>(c, d);
+  q.c[3].v = detail::interleave<1>(c, d);
 #else
   for (int i = 0; i < kLanes; ++i) {
     for (int k = 0; k < 4; ++k) q.c[k].v[i] = base[offset.v[i] + k];

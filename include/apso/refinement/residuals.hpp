@@ -134,7 +134,7 @@ class Warper {
     Lanes u = fx_ * (Y0 * iz) + cx_;
     Lanes v = fy_ * (Y1 * iz) + cy_;
     // written so that NaN is out of view
-    const Mask inside = o.selected & ahead & (u >= Lanes(1.0F)) & (v >= Lanes(1.0F)) & (u <= u_max_) & (v <= v_max_);
+    const Mask inside = ahead & (u >= Lanes(1.0F)) & (v >= Lanes(1.0F)) & (u <= u_max_) & (v <= v_max_);
     u = select(inside, u, 1.0F);
     v = select(inside, v, 1.0F);
     const Lanes x = to_float(to_int(u));
@@ -168,7 +168,7 @@ class Warper {
     const Lanes gate = max(gate_, gate_relative_ * Y2);
     const Mask gated = weighted & (nearest > zero) & (abs(gap) > gate);
     o.out_of_view = o.selected & !inside;
-    o.masked = inside & !weighted;
+    o.masked = o.selected & inside & !weighted;
     o.occluded = gated & (gap < zero);
     o.disoccluded = gated & !(gap < zero);
     o.valid = weighted & !gated;
