@@ -69,6 +69,34 @@ TEST_CASE("a body that moves and the room behind it give guesses of their own, a
   CHECK(nearest({masked.front()}, T) < .08);
 }
 
+TEST_CASE("a motion of 20 cm and 10 degrees is guessed beside a mask that covers 60 % of both images") {
+  const Pinhole camera = room::camera(320);
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    CAPTURE(seed);
+    const double a = 0.5 * seed;
+    const Pose T = room::pose(.2 * std::cos(a), .02, .2 * std::sin(a), 3 * std::sin(2 * a), 9 * std::cos(3 * a), 4 * std::sin(a));
+    // in the middle of where the camera looks halfway
+    const double middle = .5 * (.2 * std::cos(a)) + 1.5 * std::tan(.5 * 9 * std::cos(3 * a) * .01745);
+    const room::Slab before{true, middle - .55, 1.1, 1.5};
+    room::Slab after = before;
+    after.x += .05;
+    const room::Frame r = room::render(camera, Pose::Identity(), before, 2 * seed);
+    const room::Frame c = room::render(camera, T, after, 2 * seed + 1);
+    PyramidOptions o;
+    o.finest = 0;
+    FramePyramid reference, current;
+    reference.build(r.view(), camera, r.probability.view(), o, PyramidRole::Both);
+    current.build(c.view(), camera, c.probability.view(), o, PyramidRole::Both);
+    CornerSearch s;
+    std::vector<Pose> found;
+    s(reference, current, 1, found);
+    CHECK(r.dynamic_share > .5);
+    CHECK(c.dynamic_share > .5);
+    REQUIRE(!found.empty());
+    CHECK(nearest({found.front()}, T) < .023);  // a pixel of 160x120 at 3 m
+  }
+}
+
 TEST_CASE("nothing is guessed where there is nothing to go by") {
   room::Frame blank = room::render(kCamera, Pose::Identity());
   const room::Frame good = blank;

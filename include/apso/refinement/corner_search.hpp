@@ -23,7 +23,7 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Corners of one level of a frame: points, and what they look like.
+/// Places of one level of a frame: points, and what they look like.
 struct CornerSet {
   static constexpr int kSide = 8;                ///< of a patch [px]
   static constexpr int kPatch = kSide * kSide;
@@ -35,7 +35,8 @@ struct CornerSet {
 /// Guesses rigid motions between two frames. Corners (Shi and Tomasi, CVPR 1994), one per cell so that they cover the view;
 /// matched where each is the other's best by normalised correlation; motions through three matches each that keep their
 /// distances, judged by how many other matches they bring together (RANSAC, Fischler and Bolles, 1981), each refined on
-/// those. Deterministic; keeps its buffers.
+/// those. Where a mask leaves few corners, they are looked for at every place of the current image that has texture in two
+/// directions: the best corner of a cell is too often the best of no cell in the other image. Deterministic; keeps its buffers.
 class CornerSearch {
  public:
   /// \param level of both pyramids at which corners are looked for, about 160 x 120 pixels; those of the next finer level
@@ -44,14 +45,18 @@ class CornerSearch {
   void operator()(const FramePyramid& reference, const FramePyramid& current, int level, std::vector<Pose>& T_current_reference) {
     T_current_reference.clear();
     matches_.clear();
-    describe(reference.level(level), reference_);
-    describe(current.level(level), current_);
-    const bool few = std::min(reference_.size(), current_.size()) < kFew;
-    match(few ? kAlikeFew : kAlike);
-    if (few && level > 0 && current.level(level - 1).camera.width <= FramePyramid::kCornerWidth) {
-      describe(reference.level(level - 1), reference_);
-      describe(current.level(level - 1), current_);
+    describe(reference.level(level), Take::Best, reference_);
+    describe(current.level(level), Take::Best, current_);
+    if (std::min(reference_.size(), current_.size()) >= kFew) {
+      match(kAlike);
+    } else {
+      describe(current.level(level), Take::All, current_);
       match(kAlikeFew);
+      if (level > 0 && current.level(level - 1).camera.width <= FramePyramid::kCornerWidth) {
+        describe(reference.level(level - 1), Take::Best, reference_);
+        describe(current.level(level - 1), Take::All, current_);
+        match(kAlikeFew);
+      }
     }
     if (matches_.size() < kLeast) return;
     guesses_.clear();
@@ -85,7 +90,7 @@ class CornerSearch {
  private:
   static constexpr std::size_t kLeast = 4;  // matches that a guess brings together
   static constexpr std::size_t kFew = 100;  // corners
-  static constexpr int kTrials = 5000;
+  static constexpr int kTrials = 50000;     // a tenth of the matches may be right
   static constexpr std::size_t kEnough = 1000;  // guesses to choose from
   static constexpr int kGuesses = 6;
   static constexpr int kCell = 8;           // [px]
@@ -100,8 +105,9 @@ class CornerSearch {
     int inliers;
   };
 
-  // The best corner of each cell.
-  void describe(const PyramidLevel& level, CornerSet& out) {
+  // The best corner of each cell, or all its pixels that could be one.
+  enum class Take { Best, All };
+  static void describe(const PyramidLevel& level, Take take, CornerSet& out) {
     constexpr int kMargin = CornerSet::kSide / 2;
     const int w = level.intensity.width();
     const int h = level.intensity.height();
@@ -116,6 +122,7 @@ class CornerSearch {
           for (int x = x0; x < x0 + kCell; ++x) {
             if (!(level.depth.row(y)[x] > 0)) continue;
             const float s = cornerness(level.intensity, x, y);
+            if (take == Take::All && s > kWeakest) add(level, x, y, out);
             if (s > best) {
               best = s;
               bx = x;
@@ -123,7 +130,7 @@ class CornerSearch {
             }
           }
         }
-        if (best > kWeakest) add(level, bx, by, out);
+        if (take == Take::Best && best > kWeakest) add(level, bx, by, out);
       }
     }
   }

@@ -49,16 +49,16 @@ class DirectAligner {
     if (!begin(references, current, T_world_camera_candidates, result)) return result;
     const Pose T_guess = inverse(result.T_world_camera);
     Pose T = choose_start(T_world_camera_candidates, result, executor);
-    const Pose T_start = T;
+    Origin origin{T_guess, T, options().degenerate_ratio};
 
     bool converged = false;
     const int middle = level_narrower_than(100);
     for (int level = cost_.levels() - 1; level >= 0; --level) {
-      const Status s = solve_level(level, T_guess, T, converged, result, executor);
+      const Status s = solve_level(level, origin.ratio, T, converged, result, executor);
       if (!succeeded(s) && level == 0) return fail(result, s);  // a coarse level may be too small; finer ones have more
-      if (level == middle && level > 0) T = try_other_starts(middle, T_guess, T, result, executor);
+      if (level == middle && level > 0) T = try_other_starts(middle, T, origin, result, executor);
     }
-    finish(T_guess, T_start, T, converged, result, executor);
+    finish(T_guess, origin, T, converged, result, executor);
     return result;
   }
 
@@ -122,11 +122,19 @@ class DirectAligner {
     return 0;
   }
 
+  // What directions that the images do not determine have to go by.
+  struct Origin {
+    Pose T_kept;   // the pose they keep
+    Pose T_start;  // where the descent began
+    double ratio;  // share of the largest eigenvalue below which a direction is undetermined
+  };
+
   // When images of about 80x60 contradict the pose that was found: poses guessed from corners are solved one level finer,
   // where a body that moves and the room behind it are still told apart, and the pose that explains most is taken.
+  // The initial guess is worth nothing then, and a guess from corners little in the directions that few pixels tell about,
+  // so that what they tell is taken sooner.
   template <class Executor>
-  Pose try_other_starts(int middle, const Pose& T_guess, const Pose& T_found, AlignmentResult& result,
-                        const Executor& executor) {
+  Pose try_other_starts(int middle, const Pose& T_found, Origin& origin, AlignmentResult& result, const Executor& executor) {
     if (cost_.evidence(middle, T_found, executor).contradicted < options().search_contradicted) return T_found;
     const int finer = middle - 1;
     corner_search_(cost_.first_reference(), cost_.current(), finer, guesses_);
@@ -148,11 +156,15 @@ class DirectAligner {
     for (std::size_t i = 0; i < std::min<std::size_t>(starts_.size(), kSolved); ++i) {
       Pose T = starts_[i].T;
       bool converged = false;
-      (void)solve_level(finer, T_guess, T, converged, result, executor);
+      const Pose& T_start = starts_[i].T;
+      const bool other = !std::isinf(starts_[i].support);
+      const double ratio = (other ? 0.1 : 1.0) * options().degenerate_ratio;
+      (void)solve_level(finer, ratio, T, converged, result, executor);
       const double support = cost_.evidence(finer, T, executor).support;
       if (support > most) {
         most = support;
         best = T;
+        if (other) origin = {T_start, T_start, ratio};
       }
     }
     return best;
@@ -201,19 +213,19 @@ class DirectAligner {
   [[nodiscard]] static Matrix6 complement(const Matrix6& P) { return minus(identity<Matrix6>(), P); }
 
   // Which directions the normal equations determine; P projects scaled twists onto the others.
-  int degenerate(const Matrix6& H, double depth, Matrix6& P, Twist* eigenvalues) const {
+  int degenerate(const Matrix6& H, double depth, double ratio, Matrix6& P, Twist* eigenvalues) const {
     const Matrix6 scaled = scaled_both(unit_twist(depth), H);
     P = zeros<Matrix6>();
     double trace = 0;  // at least the largest eigenvalue
     for (int i = 0; i < 6; ++i) trace += scaled(i, i);
-    const double bound = std::max(options().degenerate_ratio * trace, options().degenerate_floor);
+    const double bound = std::max(ratio * trace, options().degenerate_floor);
     if (eigenvalues == nullptr && eigenvalues_exceed(bound, scaled)) return 0;
     const SymmetricEigen<6> eigen = eigen_symmetric(scaled);
     int count = 0;
     const double largest = eigen.values(5);
     for (int i = 0; i < 6; ++i) {
       const double value = eigen.values(i);
-      if (value < options().degenerate_ratio * largest || value < options().degenerate_floor) {
+      if (value < ratio * largest || value < options().degenerate_floor) {
         for (int r = 0; r < 6; ++r) {
           for (int c = 0; c < 6; ++c) P(r, c) += eigen.vectors(r, i) * eigen.vectors(c, i);
         }
@@ -236,7 +248,7 @@ class DirectAligner {
   }
 
   template <class Executor>
-  Status solve_level(int level, const Pose& T_guess, Pose& T, bool& converged, AlignmentResult& result,
+  Status solve_level(int level, double ratio, Pose& T, bool& converged, AlignmentResult& result,
                      const Executor& executor) {
     const AlignmentOptions& o = options();
     converged = false;
@@ -258,9 +270,9 @@ class DirectAligner {
       const double before = cost_.mean(kAccepted);
       NormalEquations n = cost_.normal_equations(T, executor);
       if (!std::isfinite(before) || !all_finite(n.H) || !all_finite(n.b)) return Status::Diverged;
-      add_prior(T_guess, T, n);
+      add_prior(inverse(result.T_world_camera), T, n);
       Matrix6 P;
-      if (degenerate(n.H, depth, P, nullptr) == 6) return level > 0 ? Status::TooFewPixels : Status::SingularSystem;
+      if (degenerate(n.H, depth, ratio, P, nullptr) == 6) return level > 0 ? Status::TooFewPixels : Status::SingularSystem;
       const Matrix6 keep = complement(P);
       const Matrix6 scaled = scaled_both(D, n.H);
       Twist right;
@@ -314,7 +326,7 @@ class DirectAligner {
   }
 
   template <class Executor>
-  void finish(const Pose& T_guess, const Pose& T_start, Pose T, bool converged, AlignmentResult& r,
+  void finish(const Pose& T_guess, const Origin& origin, Pose T, bool converged, AlignmentResult& r,
               const Executor& executor) {
     r.counts = cost_.counts();
     r.valid_share = share(r.counts);
@@ -330,7 +342,7 @@ class DirectAligner {
     cost_.report_scales(r);
     r.median_depth = cost_.typical_depth();
     Matrix6 P;
-    r.degenerate_count = degenerate(n.H, r.median_depth, P, &r.eigenvalues);
+    r.degenerate_count = degenerate(n.H, r.median_depth, origin.ratio, P, &r.eigenvalues);
     r.degenerate_projector = P;
     if (r.counts.valid_depth < options().min_pixels) {
       fail(r, Status::TooFewPixels);
@@ -345,14 +357,14 @@ class DirectAligner {
       return;
     }
     const Twist D = unit_twist(r.median_depth);
-    const auto scaled_to_guess = [&] {
-      Twist e = se3_log(compose(T_guess, inverse(T)));
+    const auto scaled_to = [&](const Pose& T_other) {
+      Twist e = se3_log(compose(T_other, inverse(T)));
       for (int i = 0; i < 6; ++i) e(i) /= D(i);
       return e;
     };
-    if (r.degenerate_count > 0 && norm(se3_log(compose(T_start, inverse(T_guess)))) > 1e-12) {
-      // it did not start at the guess: bring the undetermined directions back to it
-      Twist back = times(P, scaled_to_guess());
+    if (r.degenerate_count > 0 && norm(se3_log(compose(origin.T_start, inverse(origin.T_kept)))) > 1e-12) {
+      // it did not start there: bring the undetermined directions back
+      Twist back = times(P, scaled_to(origin.T_kept));
       for (int i = 0; i < 6; ++i) back(i) *= D(i);
       T = normalized(compose(se3_exp(back), T));
     }
@@ -361,7 +373,7 @@ class DirectAligner {
       cost_.sum(T_guess, kTrial, executor, kStep);
       // Within the reach of a few pixels the two costs differ by noise and by what the references disagree on: a good
       // guess may well come out ahead there, and the result is no worse for it.
-      const bool far = norm(scaled_to_guess()) * cost_.current(0).camera.fx > 3;
+      const bool far = norm(scaled_to(T_guess)) * cost_.current(0).camera.fx > 3;
       if (far && cost_.mean(kTrial, kStep) < 0.99 * cost_.mean(kAccepted, kStep)) {
         fail(r, Status::Diverged);
         return;
