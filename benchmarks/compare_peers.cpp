@@ -9,7 +9,9 @@
 #include <cstdio>
 #include <ctime>
 #include <functional>
+#include <limits>
 #include <map>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -44,10 +46,11 @@ class Apso : public Method {
     confidence = apso::direct_confidence(last, 0.65, 1.1);
     return {apso::succeeded(last.status) && confidence > 0.5, apso::inverse(last.T_world_camera)};
   }
-  // One look at all pixels of the finest level: scales, warp, weights, sums.
-  void look(const apso::Pose& T_current_reference) {
+  // One look at all pixels of the finest level: scales, warp, weights, sums. Returns the share of them that the current
+  // image shows.
+  double look(const apso::Pose& T_current_reference) {
     references_.assign(1, {&reference_, apso::Pose::Identity(), 1.0});
-    (void)aligner_.evaluate(references_, current_, apso::inverse(T_current_reference));
+    return aligner_.evaluate(references_, current_, apso::inverse(T_current_reference)).valid_share;
   }
   void prepare_both(const pairs::Image8& f) { build(f, current_, apso::PyramidRole::Both); }
   template <class Executor>
@@ -244,11 +247,24 @@ double wall_ms() {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+// 40 short tasks without memory, one after the other as the passes of an alignment: what two threads can gain at best here.
+template <class Executor>
+void arithmetic(const Executor& executor) {
+  for (int pass = 0; pass < 40; ++pass) {
+    executor(16, [&](int i) {
+      volatile double sink = i;
+      double x = 1.0 + sink;
+      for (int k = 0; k < 300; ++k) x = 0.5 * (x + 2.0 / x);
+      sink = x;
+    });
+  }
+}
+
 // What one call needs of time and memory, apart from its peers.
 void print_resources(const pairs::PairMaker& maker, const apso::PyramidOptions& half, const apso::PyramidOptions& full,
                      int repeats) {
   std::printf("\n### Parts of the work\n\n| preset | a frame prepared for both roles [ms] | one look at all pixels [ms] | "
-              "memory beside the images [MB] | two threads against one |\n|---|---|---|---|---|\n");
+              "memory beside the images [MB] | two threads against one | the same of plain arithmetic |\n|---|---|---|---|---|---|\n");
   const Pair pair = maker.make(0, 0.04, {});
   for (const bool dense : {false, true}) {
     const std::size_t before = mallinfo2().uordblks + mallinfo2().hblkhd;
@@ -269,15 +285,19 @@ void print_resources(const pairs::PairMaker& maker, const apso::PyramidOptions& 
     const std::size_t after = mallinfo2().uordblks + mallinfo2().hblkhd;
     double one = 1e9;
     double two = 1e9;
+    double plain_one = 1e9;
+    double plain_two = 1e9;
     for (int i = 0; i < 4; ++i) {  // in turns; the second thread waits without sleeping and would slow the other down
       one = std::min(one, best(wall_ms, [&] { a.solve_with(apso::SerialExecutor{}); }));
       const TwoThreads executor;
       two = std::min(two, best(wall_ms, [&] { a.solve_with(executor); }));
+      plain_one = std::min(plain_one, best(wall_ms, [&] { arithmetic(apso::SerialExecutor{}); }));
+      plain_two = std::min(plain_two, best(wall_ms, [&] { arithmetic(executor); }));
     }
     const double look = best(cpu_ms, [&] { a.look(pair.T_current_reference); });
     const double prepared = best(cpu_ms, [&] { a.prepare_both(pair.current); });
-    std::printf("| %s | %.2f | %.2f | %.1f | %.2f |\n", a.name().c_str(), prepared, look, 1e-6 * static_cast<double>(after - before),
-                one / two);
+    std::printf("| %s | %.2f | %.2f | %.1f | %.2f | %.2f |\n", a.name().c_str(), prepared, look,
+                1e-6 * static_cast<double>(after - before), one / two, plain_one / plain_two);
   }
   std::fflush(stdout);
 }
@@ -303,23 +323,62 @@ void add_noise(pairs::Image8& f, std::uint64_t seed) {
   }
 }
 
+// Error with a mask over that of the same motion in the same room without bodies, beside what the covariance expects: how
+// much of the loss is due to there being less to see.
+void print_mask_cost(const pairs::PairMaker& maker, const apso::PyramidOptions& half, const std::vector<double>& shares, int views,
+                     const std::vector<double>& motions) {
+  std::printf("\n### What a mask costs, pairs right with and without it\n\n| masked | error over that without bodies, geometric mean | "
+              "the same expected from the covariance | pairs whose images share less than a fifth of what is not masked |\n"
+              "|---|---|---|---|\n");
+  Apso a("", "", half, apso::AlignmentOptions{}, true);
+  a.camera(maker.camera());
+  struct Result {
+    bool right;
+    double error, sigma, common;
+  };
+  const auto solve = [&](const Pair& p) {
+    a.prepare_reference(p.reference);
+    a.prepare_current(p.current);
+    const Outcome o = a.solve(apso::Pose::Identity());
+    const apso::Pose e = apso::inverse(o.T_current_reference) * p.T_current_reference;
+    const apso::Matrix6& C = a.last.covariance;
+    Result r{};
+    r.error = e.translation().norm();
+    r.right = r.error < 0.01 && apso::rotation_angle(e) < 0.5 * kDegree && apso::succeeded(a.last.status);
+    r.sigma = std::sqrt(C(0, 0) + C(1, 1) + C(2, 2));
+    r.common = a.look(p.T_current_reference);
+    return r;
+  };
+  for (const double share : shares) {
+    double error = 0;
+    double sigma = 0;
+    int n = 0;
+    int apart = 0;
+    int all = 0;
+    for (int v = 0; v < views; ++v) {
+      for (const double step : motions) {
+        Conditions c;
+        const Result without = solve(maker.make(v, step, c));
+        c.moving_share = share;
+        const Result with = solve(maker.make(v, step, c));
+        ++all;
+        apart += with.common < 0.2 ? 1 : 0;
+        if (!with.right || !without.right) continue;
+        ++n;
+        error += std::log(with.error / without.error);
+        sigma += std::log(with.sigma / without.sigma);
+      }
+    }
+    std::printf("| %.0f %% | %.2f | %.2f | %d of %d |\n", 100 * share, std::exp(error / n), std::exp(sigma / n), apart, all);
+  }
+  std::fflush(stdout);
+}
+
 void score_recording(Methods& methods, const std::string& folder, const apso::opencv::CameraModel& camera,
                      const std::string& truth_file, const std::vector<int>& steps, int count) {
   const apso::opencv::RgbdSequence sequence(folder, camera);
   const apso::Trajectory truth = apso::read_trajectory(truth_file);
   for (auto& m : methods) m->camera(camera.pinhole);
-  const auto pose_at = [&](double t, apso::Pose& T) {
-    std::size_t best = 0;
-    double d = 1e9;
-    for (std::size_t i = 0; i < truth.size(); ++i) {
-      if (std::abs(truth[i].timestamp - t) < d) {
-        d = std::abs(truth[i].timestamp - t);
-        best = i;
-      }
-    }
-    T = truth[best].T_world_body;
-    return d < 0.02;
-  };
   std::printf("\n### %s, median error of all pairs [mm / deg]\n\n| method |", folder.c_str());
   for (const int s : steps) std::printf(" %d frames apart |", s);
   std::printf("\n|---|");
@@ -327,14 +386,16 @@ void score_recording(Methods& methods, const std::string& folder, const apso::op
   std::printf("\n");
   std::vector<std::vector<Score>> scores(methods.size(), std::vector<Score>(steps.size()));
   for (std::size_t k = 0; k < steps.size(); ++k) {
-    for (int n = 0; n < count; ++n) {
-      const int i = n * (sequence.size() - steps[k] - 1) / std::max(1, count - 1);
+    const int most = sequence.size() - steps[k];
+    for (int n = 0; n < std::min(count, most); ++n) {
+      const int i = count < most ? n * (most - 1) / std::max(1, count - 1) : n;
       const apso::opencv::SequenceFrame a = sequence.frame(i);
       const apso::opencv::SequenceFrame b = sequence.frame(i + steps[k]);
-      apso::Pose Ta, Tb;
-      if (!a.ok() || !b.ok() || !pose_at(a.timestamp, Ta) || !pose_at(b.timestamp, Tb)) continue;
+      const std::optional<apso::Pose> Ta = apso::interpolate(truth, a.timestamp);
+      const std::optional<apso::Pose> Tb = apso::interpolate(truth, b.timestamp);
+      if (!a.ok() || !b.ok() || !Ta || !Tb) continue;
       Pair p;
-      p.T_current_reference = apso::inverse(Tb) * Ta;
+      p.T_current_reference = apso::inverse(*Tb) * *Ta;
       p.step = steps[k];
       const auto take = [](const apso::opencv::SequenceFrame& f, pairs::Image8& out) {
         out.intensity = f.intensity;
@@ -367,6 +428,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> without;
   std::string recording, truth, camera;
   std::vector<int> steps{1, 2, 3, 5, 8};
+  int most_pairs = std::numeric_limits<int>::max();
   app.add_option("--views", views, "views of each set")->check(CLI::Range(1, 1000));
   app.add_option("--timed", timed, "pairs that are timed; 0 = none")->check(CLI::Range(0, 1000));
   app.add_option("--repeats", repeats, "times each is run")->check(CLI::Range(1, 1000));
@@ -378,6 +440,7 @@ int main(int argc, char** argv) {
   app.add_option("--truth", truth, "its trajectory");
   app.add_option("--camera", camera, "of the recording: tum-fr1, tum-fr2, tum-fr3, bonn or icl-nuim");
   app.add_option("--steps", steps, "distances of the frames of a pair");
+  app.add_option("--pairs", most_pairs, "most pairs of each distance, evenly spread; default all")->check(CLI::PositiveNumber);
   CLI11_PARSE(app, argc, argv);
 
   Methods methods;
@@ -437,6 +500,7 @@ int main(int argc, char** argv) {
       std::snprintf(title, sizeof title, "%.0f %% of the image moves, mask given", 100 * share);
       run(title, masked, std::max(1, views / 2), four, c);
     }
+    print_mask_cost(maker, half, {0.30, 0.45, 0.60}, std::max(1, views / 2), four);
   }
   if (has("rest")) run("Camera at rest", methods, views, {0.0}, {});
   if (has("verdict")) {
@@ -466,7 +530,7 @@ int main(int argc, char** argv) {
   }
   if (!recording.empty()) {
     const apso::CameraModel model = apso::camera_by_name(camera);
-    score_recording(methods, recording, model, truth.empty() ? recording + "/groundtruth.txt" : truth, steps, 20);
+    score_recording(methods, recording, model, truth.empty() ? recording + "/groundtruth.txt" : truth, steps, most_pairs);
     for (auto& m : methods) m->camera(maker.camera());
   }
   if (has("parts")) print_resources(maker, half, full, std::max(50, repeats));
