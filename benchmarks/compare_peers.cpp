@@ -247,15 +247,21 @@ double wall_ms() {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-// 40 short tasks without memory, one after the other as the passes of an alignment: what two threads can gain at best here.
+// 40 passes of 16 short tasks that keep the arithmetic units busy and touch no memory: what two threads can gain at best
+// here. It is little where the host runs both on one core.
 template <class Executor>
 void arithmetic(const Executor& executor) {
   for (int pass = 0; pass < 40; ++pass) {
     executor(16, [&](int i) {
-      volatile double sink = i;
-      double x = 1.0 + sink;
-      for (int k = 0; k < 300; ++k) x = 0.5 * (x + 2.0 / x);
-      sink = x;
+      apso::Lanes x[10];
+      for (int k = 0; k < 10; ++k) x[k] = static_cast<float>(i + k);
+      for (int n = 0; n < 300; ++n) {
+        for (apso::Lanes& l : x) l = l * 0.999F + 0.5F;
+      }
+      apso::Lanes sum = 0.0F;
+      for (const apso::Lanes& l : x) sum += l;
+      volatile float sink = sum.sum();
+      (void)sink;
     });
   }
 }

@@ -86,6 +86,7 @@ class AlignmentCost {
       t.scales.alpha = options_.alpha.at(level);
       t.level_weight = options_.per_reference_mean ? t.weight * 2e4 / std::max(1, list.count) : t.weight;
     }
+    gate_factor_ = static_cast<float>(std::pow(static_cast<double>(options_.warp.gate_growth), level_));
     kernel_ = options_.kernel;
     if (options_.graduated && level == 0) {
       kernel_.kind = KernelKind::Tukey;
@@ -329,10 +330,9 @@ class AlignmentCost {
   };
 
   [[nodiscard]] Warper warper(const Term& t, const Pose& T_camera_world) const {
-    const auto gate = static_cast<float>(std::pow(static_cast<double>(options_.warp.gate_growth), level_));
     WarpOptions options = options_.warp;
     options.esm = options.esm && level_ > 0;
-    return Warper(current_->level(level_), compose(T_camera_world, t.T_world_reference), t.light, options, options_.noise, gate,
+    return Warper(current_->level(level_), compose(T_camera_world, t.T_world_reference), t.light, options, options_.noise, gate_factor_,
                   current_->background());
   }
 
@@ -395,6 +395,7 @@ class AlignmentCost {
   RobustKernel kernel_;
   const FramePyramid* current_ = nullptr;
   int level_ = 0;
+  float gate_factor_ = 1;  // of the level
   std::size_t used_ = 0;  // terms of this call
   std::vector<Term> terms_;
   std::vector<Part> parts_;

@@ -61,7 +61,7 @@ class RotationSearch {
       const double length = norm(step);
       const Eigen::Matrix3d turn = rotation(so3_exp(times(length > 0.2 ? 0.2 / length : 1.0, step)));
       T = normalized(make_pose(times(turn, rotation(T)), translation(T)));
-      if (length < 1e-4) break;
+      if (length < 1e-3) break;  // a fiftieth of a pixel of an image 20 wide
     }
     return best;
   }
