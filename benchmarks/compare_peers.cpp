@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <ctime>
 #include <functional>
@@ -214,31 +215,36 @@ class TwoThreads {
       return;
     }
     task_ = [&f](int i) { f(i); };
-    next_ = 0;
-    count_ = n;
-    done_ = false;
-    ready_.store(true, std::memory_order_release);
-    for (int i = next_++; i < n; i = next_++) f(i);
-    if (ready_.exchange(false, std::memory_order_acquire)) return;  // the other thread did not come in time
-    while (!done_.load(std::memory_order_acquire)) {
+    done_.store(0, std::memory_order_relaxed);
+    work_.store(static_cast<std::uint64_t>(n) << 32U, std::memory_order_release);
+    help();
+    while (done_.load(std::memory_order_acquire) != n) {
     }
   }
 
  private:
-  void wait() {
-    while (!stop_) {
-      // reading alone leaves the line in both caches; only one that may succeed takes it away from the other thread
-      if (!ready_.load(std::memory_order_relaxed) || !ready_.exchange(false, std::memory_order_acquire)) continue;
-      for (int i = next_++; i < count_; i = next_++) task_(i);
-      done_.store(true, std::memory_order_release);
+  // Takes tasks until none is left. The number of tasks and of the next one are taken at once: a thread that comes late to one
+  // piece of work sees that nothing of it is left, or takes part in the next.
+  void help() const {
+    for (;;) {
+      const std::uint64_t w = work_.fetch_add(1, std::memory_order_acq_rel);
+      const auto i = static_cast<int>(w & 0xFFFFFFFFU);
+      if (i >= static_cast<int>(w >> 32U)) return;
+      task_(i);
+      done_.fetch_add(1, std::memory_order_release);
+    }
+  }
+  void wait() const {
+    while (!stop_.load(std::memory_order_relaxed)) {
+      // reading alone leaves the line in both caches
+      const std::uint64_t w = work_.load(std::memory_order_relaxed);
+      if ((w & 0xFFFFFFFFU) < (w >> 32U)) help();
     }
   }
   // on lines of their own: each is waited for while others are written
   alignas(64) mutable std::function<void(int)> task_;
-  mutable int count_ = 0;
-  alignas(64) mutable std::atomic<int> next_{0};
-  alignas(64) mutable std::atomic<bool> ready_{false};
-  alignas(64) mutable std::atomic<bool> done_{true};
+  alignas(64) mutable std::atomic<std::uint64_t> work_{0};
+  alignas(64) mutable std::atomic<int> done_{0};
   alignas(64) std::atomic<bool> stop_{false};
   std::thread worker_;
 };
