@@ -356,32 +356,39 @@ void print_mask_cost(const pairs::PairMaker& maker, const apso::PyramidOptions& 
     const apso::Matrix6& C = a.last.covariance;
     Result r{};
     r.error = e.translation().norm();
-    r.right = r.error < 0.01 && apso::rotation_angle(e) < 0.5 * kDegree && apso::succeeded(a.last.status);
+    const Limits limits;
+    r.right = 1e3 * r.error < limits.mm && apso::rotation_angle(e) < limits.degrees * kDegree && apso::succeeded(a.last.status);
     r.sigma = std::sqrt(C(0, 0) + C(1, 1) + C(2, 2));
     r.common = a.look(p.T_current_reference);
     return r;
   };
-  for (const double share : shares) {
-    double error = 0;
-    double sigma = 0;
-    int n = 0;
-    int apart = 0;
-    int all = 0;
-    for (int v = 0; v < views; ++v) {
-      for (const double step : motions) {
+  struct Row {
+    double error = 0, sigma = 0;  // sums of logarithms
+    int n = 0, apart = 0, all = 0;
+  };
+  std::vector<Row> rows(shares.size());
+  for (int v = 0; v < views; ++v) {
+    for (const double step : motions) {
+      const Result without = solve(maker.make(v, step, {}));
+      for (std::size_t i = 0; i < shares.size(); ++i) {
         Conditions c;
-        const Result without = solve(maker.make(v, step, c));
-        c.moving_share = share;
+        c.moving_share = shares[i];
         const Result with = solve(maker.make(v, step, c));
-        ++all;
-        apart += with.common < 0.2 ? 1 : 0;
+        Row& row = rows[i];
+        ++row.all;
+        row.apart += with.common < 0.2 ? 1 : 0;
         if (!with.right || !without.right) continue;
-        ++n;
-        error += std::log(with.error / without.error);
-        sigma += std::log(with.sigma / without.sigma);
+        ++row.n;
+        row.error += std::log(with.error / without.error);
+        row.sigma += std::log(with.sigma / without.sigma);
       }
     }
-    std::printf("| %.0f %% | %.2f | %.2f | %d of %d |\n", 100 * share, std::exp(error / n), std::exp(sigma / n), apart, all);
+  }
+  for (std::size_t i = 0; i < shares.size(); ++i) {
+    const Row& r = rows[i];
+    char ratios[48] = "- | -";
+    if (r.n > 0) std::snprintf(ratios, sizeof ratios, "%.2f | %.2f", std::exp(r.error / r.n), std::exp(r.sigma / r.n));
+    std::printf("| %.0f %% | %s | %d of %d |\n", 100 * shares[i], ratios, r.apart, r.all);
   }
   std::fflush(stdout);
 }

@@ -154,11 +154,11 @@ class DirectAligner {
     Pose best = T_found;
     double most = -std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < std::min<std::size_t>(starts_.size(), kSolved); ++i) {
-      Pose T = starts_[i].T;
-      bool converged = false;
       const Pose& T_start = starts_[i].T;
-      const bool other = !std::isinf(starts_[i].support);
+      const bool other = i > 0;  // the first is the pose that was found
       const double ratio = (other ? 0.1 : 1.0) * options().degenerate_ratio;
+      Pose T = T_start;
+      bool converged = false;
       (void)solve_level(finer, ratio, T, converged, result, executor);
       const double support = cost_.evidence(finer, T, executor).support;
       if (support > most) {
