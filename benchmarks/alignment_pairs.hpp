@@ -29,6 +29,36 @@ struct Image8 {
   apso::Image<float> probability;  ///< 1 on what moves
 };
 
+/// Half of what moves is not marked, and as much beside it is marked in error: of each run of marked pixels in a row the left
+/// half is dropped, and as many pixels to the right of it are added.
+inline void spoil_mask(apso::Image<float>& probability) {
+  for (int y = 0; y < probability.height(); ++y) {
+    float* row = probability.row(y);
+    const int w = probability.width();
+    for (int begin = 0; begin < w;) {
+      if (!(row[begin] > 0)) {
+        ++begin;
+        continue;
+      }
+      int end = begin;
+      while (end < w && row[end] > 0) ++end;
+      const int half = (end - begin) / 2;
+      std::fill(row + begin, row + begin + half, 0.0F);
+      int free_until = end;
+      while (free_until < std::min(w, end + half) && !(row[free_until] > 0)) ++free_until;
+      std::fill(row + end, row + free_until, 1.0F);
+      begin = free_until;
+    }
+  }
+}
+
+/// Takes the depth of what is marked away: a mask for methods that know of none.
+inline void cut_out(const apso::Image<float>& probability, apso::Image<float>& depth) {
+  for (std::size_t i = 0; i < depth.size(); ++i) {
+    if (probability.data()[i] > 0) depth.data()[i] = 0.0F;
+  }
+}
+
 struct Pair {
   Image8 reference, current;
   Pose T_current_reference = Pose::Identity();

@@ -393,6 +393,54 @@ void print_mask_cost(const pairs::PairMaker& maker, const apso::PyramidOptions& 
   std::fflush(stdout);
 }
 
+// Bodies that cover more and more of the view, with the mask of what moves, with one of which half is wrong, and with none.
+// \param masked the first of the methods, taking a mask. The others know of none: what is marked has no depth for them.
+// The median is that of all pairs, right or not.
+void print_moving_shares(Methods& methods, Methods& masked, const pairs::PairMaker& maker, int views) {
+  const std::vector<double> shares{0.10, 0.20, 0.30, 0.45, 0.60};
+  const std::vector<const char*> masks{"true mask", "half of the mask wrong", "no mask"};
+  // [mask][method][share]
+  std::vector<std::vector<std::vector<Score>>> scores(
+      masks.size(), std::vector<std::vector<Score>>(methods.size(), std::vector<Score>(shares.size())));
+  for (std::size_t s = 0; s < shares.size(); ++s) {
+    Conditions c;
+    c.moving_share = shares[s];
+    for (int v = 0; v < views; ++v) {
+      for (const double step : {0.01, 0.04, 0.10}) {
+        Pair given = maker.make(v, step, c);
+        for (std::size_t m = 0; m < masks.size(); ++m) {
+          if (m == 1) {
+            pairs::spoil_mask(given.reference.probability);
+            pairs::spoil_mask(given.current.probability);
+          }
+          Pair cut = given;
+          if (m < 2) {
+            pairs::cut_out(cut.reference.probability, cut.reference.depth);
+            pairs::cut_out(cut.current.probability, cut.current.depth);
+          }
+          for (std::size_t i = 0; i < methods.size(); ++i) {
+            if (m < 2 && i < masked.size()) score(*masked[i], given, scores[m][i][s]);
+            else score(*methods[i], cut, scores[m][i][s]);
+          }
+        }
+      }
+    }
+  }
+  for (std::size_t m = 0; m < masks.size(); ++m) {
+    std::printf("\n### Two moving bodies, %s, 1 / 4 / 10 cm: median error of all pairs [mm], and those that are right\n\n| method |", masks[m]);
+    for (const double share : shares) std::printf(" %.0f %% move |", 100 * share);
+    std::printf("\n|---|");
+    for (std::size_t s = 0; s < shares.size(); ++s) std::printf("---|");
+    std::printf("\n");
+    for (std::size_t i = 0; i < methods.size(); ++i) {
+      std::printf("| %s |", methods[i]->name().c_str());
+      for (const Score& x : scores[m][i]) std::printf(" %.2f, %d of %d |", median(x.all_mm), x.right, x.pairs);
+      std::printf("\n");
+    }
+  }
+  std::fflush(stdout);
+}
+
 void score_recording(Methods& methods, const std::string& folder, const apso::opencv::CameraModel& camera,
                      const std::string& truth_file, const std::vector<int>& steps, int count) {
   const apso::opencv::RgbdSequence sequence(folder, camera);
@@ -443,7 +491,7 @@ int main(int argc, char** argv) {
   int timed = 20;
   int repeats = 5;
   std::uint64_t seed = 2026;
-  std::vector<std::string> sets{"kinect", "clean", "dynamic", "masked", "rest", "verdict"};
+  std::vector<std::string> sets{"kinect", "clean", "dynamic", "shares", "masked", "rest", "verdict"};
   std::vector<std::string> without;
   std::string recording, truth, camera;
   std::vector<int> steps{1, 2, 3, 5, 8};
@@ -452,7 +500,7 @@ int main(int argc, char** argv) {
   app.add_option("--timed", timed, "pairs that are timed; 0 = none")->check(CLI::Range(0, 1000));
   app.add_option("--repeats", repeats, "times each is run")->check(CLI::Range(1, 1000));
   app.add_option("--seed", seed, "of the pairs");
-  app.add_option("--sets", sets, "kinect clean dynamic masked rest verdict parts none");
+  app.add_option("--sets", sets, "kinect clean dynamic shares masked rest verdict parts none");
   app.add_option("--without", without, "peers to leave out: opencv open3d difodo");
   app.add_flag("--verbose", verbose, "every pair");
   app.add_option("--recording", recording, "folder of a recording in the layout of the TUM benchmark");
@@ -508,10 +556,12 @@ int main(int argc, char** argv) {
     c.moving_share = 0.16;
     run("Two moving bodies, no mask, 1 / 4 / 10 / 20 cm", methods, std::max(1, views), four, c);
   }
+  Methods masked;
+  masked.push_back(std::make_unique<Apso>("apso, default, true mask", "", half, apso::AlignmentOptions{}, true));
+  masked.push_back(std::make_unique<Apso>("apso, dense, true mask", "", full, apso::dense_alignment(), true));
+  for (auto& m : masked) m->camera(maker.camera());
+  if (has("shares")) print_moving_shares(methods, masked, maker, std::max(1, views / 2));
   if (has("masked")) {
-    Methods masked;
-    masked.push_back(std::make_unique<Apso>("apso, default, true mask", "", half, apso::AlignmentOptions{}, true));
-    masked[0]->camera(maker.camera());
     for (const double share : {0.30, 0.45, 0.60}) {
       Conditions c;
       c.moving_share = share;

@@ -12,6 +12,7 @@
 #include <open3d/t/pipelines/odometry/RGBDOdometry.h>
 
 #include "alignment_method.hpp"
+#include "peer_open3d_legacy.hpp"
 
 namespace {
 namespace o3 = open3d;
@@ -116,6 +117,38 @@ class Open3dHybrid : public Method {
   Levels source_depth_, source_intensity_, vertices_;
   Levels target_depth_, target_intensity_, depth_dx_, depth_dy_, intensity_dx_, intensity_dy_;
 };
+
+// Its pyramids and gradients are made inside the call.
+class Open3dLegacyHybrid : public Method {
+ public:
+  std::string name() const override { return "Open3D legacy hybrid"; }
+  std::string key() const override { return "open3d_legacy"; }
+  void camera(const apso::Pinhole& c) override {
+    open3d_legacy_camera(peer_.get(), c.width, c.height, c.fx, c.fy, c.cx, c.cy);
+  }
+  void prepare_reference(const pairs::Image8& f) override { frame(f, 0); }
+  void prepare_current(const pairs::Image8& f) override { frame(f, 1); }
+  Outcome solve(const apso::Pose& guess) override {
+    const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> start = guess.matrix();
+    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> found;
+    Outcome o;
+    o.good = open3d_legacy_solve(peer_.get(), start.data(), found.data()) != 0;
+    o.T_current_reference.matrix() = found;
+    return o;
+  }
+
+ private:
+  void frame(const pairs::Image8& f, int is_target) {
+    open3d_legacy_frame(peer_.get(), is_target, f.intensity.data(), f.depth.data(), f.depth.width(), f.depth.height());
+  }
+  struct Destroy {
+    void operator()(Open3dLegacy* o) const { open3d_legacy_destroy(o); }
+  };
+  std::unique_ptr<Open3dLegacy, Destroy> peer_{open3d_legacy_create()};
+};
 }  // namespace
 
-void add_open3d(Methods& methods) { methods.push_back(std::make_unique<Open3dHybrid>()); }
+void add_open3d(Methods& methods) {
+  methods.push_back(std::make_unique<Open3dHybrid>());
+  methods.push_back(std::make_unique<Open3dLegacyHybrid>());
+}
