@@ -55,6 +55,11 @@ class Apso : public Method {
   }
   void prepare_both(const pairs::Image8& f) { build(f, current_, apso::PyramidRole::Both); }
   template <class Executor>
+  void prepare_with(const Pair& p, const Executor& executor) {
+    build(p.reference, reference_, apso::PyramidRole::Reference, executor);
+    build(p.current, current_, apso::PyramidRole::Current, executor);
+  }
+  template <class Executor>
   void solve_with(const Executor& executor) {
     references_.assign(1, {&reference_, apso::Pose::Identity(), 1.0});
     candidates_.assign(1, apso::Pose::Identity());
@@ -64,8 +69,10 @@ class Apso : public Method {
   double confidence = 0;
 
  private:
-  void build(const pairs::Image8& f, apso::FramePyramid& p, apso::PyramidRole role) {
-    p.build({0.0, f.intensity, f.depth}, camera_, mask_ ? f.probability.view() : apso::ImageView<const float>{}, pyramid_, role);
+  template <class Executor = apso::SerialExecutor>
+  void build(const pairs::Image8& f, apso::FramePyramid& p, apso::PyramidRole role, const Executor& executor = {}) {
+    p.build({0.0, f.intensity, f.depth}, camera_, mask_ ? f.probability.view() : apso::ImageView<const float>{}, pyramid_, role,
+            executor);
   }
   std::string name_, key_;
   apso::PyramidOptions pyramid_;
@@ -216,21 +223,30 @@ class TwoThreads {
     }
     task_ = [&f](int i) { f(i); };
     done_.store(0, std::memory_order_relaxed);
-    work_.store(static_cast<std::uint64_t>(n) << 32U, std::memory_order_release);
-    help();
+    ++calls_;
+    work_.store(static_cast<std::uint64_t>(calls_) << 48U | static_cast<std::uint64_t>(n) << 32U, std::memory_order_release);
+    help(false);
     while (done_.load(std::memory_order_acquire) != n) {
     }
   }
 
  private:
-  // Takes tasks until none is left. The number of tasks and of the next one are taken at once: a thread that comes late to one
-  // piece of work sees that nothing of it is left, or takes part in the next.
-  void help() const {
+  // Takes tasks until none is left, the one thread from the first on, the other from the last: what one has written it mostly
+  // reads again. Number of the call, tasks in all and tasks taken stand in one word: a thread that comes late to one call sees
+  // that nothing of it is left, or takes part in the next.
+  void help(bool from_last) const {
+    int taken = 0;
+    std::uint64_t call = ~std::uint64_t{0};
     for (;;) {
       const std::uint64_t w = work_.fetch_add(1, std::memory_order_acq_rel);
-      const auto i = static_cast<int>(w & 0xFFFFFFFFU);
-      if (i >= static_cast<int>(w >> 32U)) return;
-      task_(i);
+      const auto n = static_cast<int>(w >> 32U & 0xFFFFU);
+      if (static_cast<int>(w & 0xFFFFFFFFU) >= n) return;
+      if (w >> 48U != call) {
+        call = w >> 48U;
+        taken = 0;
+      }
+      task_(from_last ? n - 1 - taken : taken);
+      ++taken;
       done_.fetch_add(1, std::memory_order_release);
     }
   }
@@ -238,11 +254,12 @@ class TwoThreads {
     while (!stop_.load(std::memory_order_relaxed)) {
       // reading alone leaves the line in both caches
       const std::uint64_t w = work_.load(std::memory_order_relaxed);
-      if ((w & 0xFFFFFFFFU) < (w >> 32U)) help();
+      if ((w & 0xFFFFFFFFU) < (w >> 32U & 0xFFFFU)) help(true);
     }
   }
   // on lines of their own: each is waited for while others are written
   alignas(64) mutable std::function<void(int)> task_;
+  mutable std::uint16_t calls_ = 0;
   alignas(64) mutable std::atomic<std::uint64_t> work_{0};
   alignas(64) mutable std::atomic<int> done_{0};
   alignas(64) std::atomic<bool> stop_{false};
@@ -276,7 +293,8 @@ void arithmetic(const Executor& executor) {
 void print_resources(const pairs::PairMaker& maker, const apso::PyramidOptions& half, const apso::PyramidOptions& full,
                      int repeats) {
   std::printf("\n### Parts of the work\n\n| preset | a frame prepared for both roles [ms] | one look at all pixels [ms] | "
-              "memory beside the images [MB] | two threads against one | the same of plain arithmetic |\n|---|---|---|---|---|---|\n");
+              "memory beside the images [MB] | two threads against one, a pair | of that, solving | plain arithmetic |\n"
+              "|---|---|---|---|---|---|---|\n");
   const Pair pair = maker.make(0, 0.04, {});
   for (const bool dense : {false, true}) {
     const std::size_t before = mallinfo2().uordblks + mallinfo2().hblkhd;
@@ -295,21 +313,25 @@ void print_resources(const pairs::PairMaker& maker, const apso::PyramidOptions& 
     a.prepare_current(pair.current);
     (void)a.solve(apso::Pose::Identity());
     const std::size_t after = mallinfo2().uordblks + mallinfo2().hblkhd;
-    double one = 1e9;
-    double two = 1e9;
-    double plain_one = 1e9;
-    double plain_two = 1e9;
+    struct Times {
+      double pair = 1e9, solve = 1e9, plain = 1e9;
+    } one, two;
+    const auto measure = [&](const auto& executor, Times& t) {
+      t.pair = std::min(t.pair, best(wall_ms, [&] {
+                          a.prepare_with(pair, executor);
+                          a.solve_with(executor);
+                        }));
+      t.solve = std::min(t.solve, best(wall_ms, [&] { a.solve_with(executor); }));
+      t.plain = std::min(t.plain, best(wall_ms, [&] { arithmetic(executor); }));
+    };
     for (int i = 0; i < 4; ++i) {  // in turns; the second thread waits without sleeping and would slow the other down
-      one = std::min(one, best(wall_ms, [&] { a.solve_with(apso::SerialExecutor{}); }));
-      const TwoThreads executor;
-      two = std::min(two, best(wall_ms, [&] { a.solve_with(executor); }));
-      plain_one = std::min(plain_one, best(wall_ms, [&] { arithmetic(apso::SerialExecutor{}); }));
-      plain_two = std::min(plain_two, best(wall_ms, [&] { arithmetic(executor); }));
+      measure(apso::SerialExecutor{}, one);
+      measure(TwoThreads{}, two);
     }
     const double look = best(cpu_ms, [&] { a.look(pair.T_current_reference); });
     const double prepared = best(cpu_ms, [&] { a.prepare_both(pair.current); });
-    std::printf("| %s | %.2f | %.2f | %.1f | %.2f | %.2f |\n", a.name().c_str(), prepared, look,
-                1e-6 * static_cast<double>(after - before), one / two, plain_one / plain_two);
+    std::printf("| %s | %.2f | %.2f | %.1f | %.2f | %.2f | %.2f |\n", a.name().c_str(), prepared, look,
+                1e-6 * static_cast<double>(after - before), one.pair / two.pair, one.solve / two.solve, one.plain / two.plain);
   }
   std::fflush(stdout);
 }

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/executor.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/geometric_motion.hpp>
@@ -97,7 +98,9 @@ class Pipeline {
   /// Module 2, after observe() of the same frame.
   const Assessment& assess(const FeatureObservation& features);
   /// Module 3 on BAD frames, and the memory of all modules.
-  const FrameReport& conclude();
+  /// \param executor for the refinement; the report does not depend on its threads
+  template <class Executor = SerialExecutor>
+  const FrameReport& conclude(const Executor& executor = {});
   /// Forgets everything.
   void reset();
 

@@ -63,7 +63,8 @@ inline const Assessment& Pipeline::assess(const FeatureObservation& features) {
   return assessor_.assess(input);
 }
 
-inline const FrameReport& Pipeline::conclude() {
+template <class Executor>
+const FrameReport& Pipeline::conclude(const Executor& executor) {
   report_ = FrameReport{};
   report_.timestamp = frame_.timestamp;
   report_.assessment = assessor_.assessment();
@@ -86,7 +87,7 @@ inline const FrameReport& Pipeline::conclude() {
     input.S_change = change ? change->value() : 1.0;
     const MaybeQuality& feature = report_.assessment.S_feature;
     input.S_feature = feature ? feature->value() : 1.0;
-    report_.refinement = refiner_.refine(input);
+    report_.refinement = refiner_.refine(input, executor);
     report_.refined = succeeded(report_.refinement.status) && report_.refinement.c_dir > 0;
     if (report_.refined) report_.T_world_camera = report_.refinement.T_world_camera;
   }
@@ -99,7 +100,7 @@ inline const FrameReport& Pipeline::conclude() {
     motion_.remember(frame_, report_.T_world_camera, observation_.mask);
   }
   if (report_.keyframe_allowed && options_.refinement) {
-    refiner_.remember(frame_, observation_.mask.probability, report_.T_world_camera);
+    refiner_.remember(frame_, observation_.mask.probability, report_.T_world_camera, executor);
   }
   T_world_previous_ = report_.T_world_camera;
   has_previous_ = true;

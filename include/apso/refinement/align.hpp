@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include <apso/config.hpp>
+#include <apso/executor.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
 #include <apso/refinement/direct_alignment.hpp>
@@ -51,12 +52,13 @@ struct PairAlignment {
 /// Motion between two RGB-D frames.
 /// \param camera a Pinhole or any type with camera_traits
 /// \param T_current_reference_guess a Pose or any type with pose_traits; kept on failure
+/// \param executor the result does not depend on its threads
 template <class ReferenceIntensity, class ReferenceDepth, class CurrentIntensity, class CurrentDepth, class CameraT,
-          class PoseT = Pose>
+          class PoseT = Pose, class Executor = SerialExecutor>
 [[nodiscard]] PairAlignment align(const ReferenceIntensity& reference_intensity, const ReferenceDepth& reference_depth,
                                   const CurrentIntensity& current_intensity, const CurrentDepth& current_depth,
                                   const CameraT& camera, const PoseT& T_current_reference_guess = Pose::Identity(),
-                                  const PairOptions& options = {}) {
+                                  const PairOptions& options = {}, const Executor& executor = {}) {
   check_image<ReferenceIntensity>();
   check_image<ReferenceDepth>();
   check_image<CurrentIntensity>();
@@ -80,17 +82,17 @@ template <class ReferenceIntensity, class ReferenceDepth, class CurrentIntensity
   FramePyramid reference;
   FramePyramid current;
   reference.build({0.0, images[0], images[1]}, pinhole, {}, options.pyramid,
-                  options.backward ? PyramidRole::Both : PyramidRole::Reference);
+                  options.backward ? PyramidRole::Both : PyramidRole::Reference, executor);
   current.build({0.0, images[2], images[3]}, pinhole, {}, options.pyramid,
-                options.backward ? PyramidRole::Both : PyramidRole::Current);
+                options.backward ? PyramidRole::Both : PyramidRole::Current, executor);
   DirectAligner aligner(options.alignment);
   PairAlignment out;
-  out.detail = aligner.align({{&reference, Pose::Identity(), 1.0}}, current, {inverse(T_guess)});
+  out.detail = aligner.align({{&reference, Pose::Identity(), 1.0}}, current, {inverse(T_guess)}, executor);
   out.status = out.detail.status;
   out.T_current_reference = succeeded(out.status) ? inverse(out.detail.T_world_camera) : T_guess;
   out.confidence = direct_confidence(out.detail, 0.65, 1.1);
   if (options.backward) {
-    const AlignmentResult back = aligner.align({{&current, Pose::Identity(), 1.0}}, reference, {T_guess});
+    const AlignmentResult back = aligner.align({{&current, Pose::Identity(), 1.0}}, reference, {T_guess}, executor);
     out.backward_translation = out.backward_rotation = std::numeric_limits<double>::infinity();
     if (succeeded(back.status) && succeeded(out.status)) {
       const Pose difference = compose(back.T_world_camera, out.detail.T_world_camera);  // there and back

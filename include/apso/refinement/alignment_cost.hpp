@@ -71,17 +71,17 @@ class AlignmentCost {
       Term& t = terms_[k];
       const PixelList& list = t.pyramid->level(level).pixels;
       const int n = static_cast<int>(list.tiles.size());
-      const int most = std::max(kLeastPart, list.blocks() / kParts);
       for (auto& s : t.sums) s.resize(static_cast<std::size_t>(n));
       t.labels.reset(static_cast<std::size_t>(n));
-      for (int b = 0; b < n;) {
+      const int count = std::clamp(list.blocks() / kLeastPart, 1, kParts);
+      for (int part = 0, b = 0; part < count; ++part) {
         Part p;
         p.term = static_cast<int>(k);
         p.begin = b;
-        const int first = list.tiles[static_cast<std::size_t>(b)].begin;
-        while (b < n && list.tiles[static_cast<std::size_t>(b)].end - first <= most) ++b;
-        p.end = b = std::max(b, p.begin + 1);
-        parts_.push_back(p);
+        const int last = list.blocks() * (part + 1) / count;
+        while (b < n && (part + 1 == count || list.tiles[static_cast<std::size_t>(b)].end <= last)) ++b;
+        p.end = b;
+        if (p.end > p.begin) parts_.push_back(p);
       }
       t.scales.alpha = options_.alpha.at(level);
       t.level_weight = options_.per_reference_mean ? t.weight * 2e4 / std::max(1, list.count) : t.weight;
@@ -305,7 +305,7 @@ class AlignmentCost {
   }
 
  private:
-  static constexpr int kParts = 16;      // about as many units of work a reference gives at a level
+  static constexpr int kParts = 16;      // most units of work that a reference gives at a level
   static constexpr int kShares = 4;      // units of work of a sample
   static constexpr int kLeastPart = 16;  // blocks of pixels of the smallest
 

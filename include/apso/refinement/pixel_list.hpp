@@ -10,6 +10,7 @@
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/executor.hpp>
 #include <apso/math/lanes.hpp>
 #include <apso/refinement/plane.hpp>
 #include <apso/types/pinhole.hpp>
@@ -82,8 +83,10 @@ class PixelSelector {
   /// \param gamma weights, or empty: all `background`
   /// \param level halvings from the full size
   /// \param noise standard deviation of the gradient where nothing is to be seen [1/px], as a multiple of image_noise
+  template <class Executor = SerialExecutor>
   void operator()(const Plane& intensity, const Plane& depth, const Plane& gamma, float background, const Pinhole& camera,
-                  int level, float noise, int max_pixels, const SelectionOptions& options, PixelList& out) {
+                  int level, float noise, int max_pixels, const SelectionOptions& options, PixelList& out,
+                  const Executor& executor = {}) {
     const int w = intensity.width();
     const int h = intensity.height();
     int b = 1;
@@ -91,13 +94,38 @@ class PixelSelector {
     out.tile_side = (std::max(4, (w + 19) / 20) + b - 1) / b * b;
     out.columns = (w + out.tile_side - 1) / out.tile_side;
     out.rows = (h + out.tile_side - 1) / out.tile_side;
-    best_.resize(static_cast<std::size_t>(out.columns) * static_cast<std::size_t>(out.tile_side / b));
-    out.tiles.clear();
+    const int side = out.tile_side / b;  // cells
+    const auto per_tile = static_cast<std::size_t>(side * side);
+    out.tiles.resize(static_cast<std::size_t>(out.columns) * static_cast<std::size_t>(out.rows));
+    found_.resize(out.tiles.size() * per_tile);
+    prepare_cells(w, b);
+    const Bands bands(out.rows, out.tile_side * w, 512);
+    top_.resize(w, bands.count());
+    bands.run(executor, [&](int band, int row0, int row1) {
+      for (int ty = row0; ty < row1; ++ty) {
+        PixelList::Tile* tiles = out.tiles.data() + static_cast<std::ptrdiff_t>(ty) * out.columns;
+        int* found = found_.data() + static_cast<std::ptrdiff_t>(ty) * out.columns * side * side;
+        for (int tx = 0; tx < out.columns; ++tx) tiles[tx].count = 0;
+        const int y_end = std::min(h, (ty + 1) * out.tile_side);
+        for (int y0 = ty * out.tile_side; y0 < y_end; y0 += b) {
+          float* top = top_.row(band);
+          choose(intensity, depth, gamma, y0, std::min(y0 + b, h), b, top);
+          for (int i = 0; i * b < w; ++i) {
+            const int place = best_of_cell(top, w, b, y0, i);
+            if (place >= 0) found[i / side * side * side + tiles[i / side].count++] = place;
+          }
+        }
+      }
+    });
     out.count = 0;
-    // at most this many blocks; resized once, so that later calls of the same size allocate nothing
-    const int side = out.tile_side / b;
-    const int per_tile = (side * side + PixelList::kBlock - 1) / PixelList::kBlock;
-    out.data.resize(static_cast<std::size_t>(out.columns * out.rows * per_tile) * PixelList::kFields * PixelList::kBlock);
+    int block = 0;
+    for (PixelList::Tile& tile : out.tiles) {
+      tile.begin = block;
+      tile.end = block += (tile.count + PixelList::kBlock - 1) / PixelList::kBlock;
+      out.count += tile.count;
+    }
+    // at most this many blocks; of one size, so that later calls allocate nothing
+    out.data.resize(out.tiles.size() * ((per_tile + PixelList::kBlock - 1) / PixelList::kBlock) * PixelList::kFields * PixelList::kBlock);
     const Images view{intensity,
                       depth,
                       gamma,
@@ -107,41 +135,20 @@ class PixelSelector {
                       static_cast<float>(camera.cx),
                       static_cast<float>(camera.cy),
                       options.edge_gradient * static_cast<float>(1 << level)};
-    prepare_cells(w, b);
-    found_.resize(static_cast<std::size_t>(out.columns) * static_cast<std::size_t>(side * side));
-    counts_.resize(static_cast<std::size_t>(out.columns));
-    int block = 0;
-    for (int ty = 0; ty < out.rows; ++ty) {
-      std::fill(counts_.begin(), counts_.end(), 0);
-      const int y_end = std::min(h, (ty + 1) * out.tile_side);
-      for (int y0 = ty * out.tile_side; y0 < y_end; y0 += b) {
-        choose(intensity, depth, gamma, y0, std::min(y0 + b, h), b);
-        for (int i = 0; i * b < w; ++i) {
-          const int index = best_[static_cast<std::size_t>(i)];
-          if (index < 0) continue;
-          const auto tx = static_cast<std::size_t>(i / side);
-          found_[tx * static_cast<std::size_t>(side * side) + static_cast<std::size_t>(counts_[tx]++)] = index;
-        }
-      }
-      for (int tx = 0; tx < out.columns; ++tx) {
-        const int* found = found_.data() + static_cast<std::ptrdiff_t>(tx) * side * side;
-        PixelList::Tile tile;
-        tile.count = counts_[static_cast<std::size_t>(tx)];
-        tile.begin = block;
-        for (int at = 0; at < tile.count; at += PixelList::kBlock, ++block) {
-          fill(out.block(block), found + at, std::min(PixelList::kBlock, tile.count - at), view);
-        }
-        tile.end = block;
+    bands.run(executor, [&](int, int row0, int row1) {
+      for (int k = row0 * out.columns; k < row1 * out.columns; ++k) {
+        PixelList::Tile& tile = out.tiles[static_cast<std::size_t>(k)];
+        const int* found = found_.data() + static_cast<std::ptrdiff_t>(k) * side * side;
         Lanes sum = 0.0F;
-        for (int k = tile.begin; k < tile.end; ++k) {
-          for (int i = 0; i < PixelList::kBlock; i += kLanes) sum += Lanes::load(out.block(k) + PixelList::kZ * PixelList::kBlock + i);
+        for (int n = tile.begin; n < tile.end; ++n, found += PixelList::kBlock) {
+          float* to = out.block(n);
+          fill(to, found, std::min(PixelList::kBlock, tile.count - (n - tile.begin) * PixelList::kBlock), view);
+          for (int i = 0; i < PixelList::kBlock; i += kLanes) sum += Lanes::load(to + PixelList::kZ * PixelList::kBlock + i);
         }
         tile.depth = tile.count > 0 ? sum.sum() / static_cast<float>(tile.count) : 0.0F;
         drop_noise(out, tile, b, options.image_noise * noise, options.depth_noise * view.fx / static_cast<float>(1 << level), view.fx);
-        out.tiles.push_back(tile);
-        out.count += tile.count;
       }
-    }
+    });
   }
 
  private:
@@ -279,16 +286,13 @@ class PixelSelector {
     for (int x = 0; x < w + kLanes; ++x) column_[static_cast<std::size_t>(x)] = b - 1 - x % b;
   }
 
-  // Best pixel of each cell of the rows [y0, y1), -1 where there is none.
-  void choose(const Plane& intensity, const Plane& depth, const Plane& gamma, int y0, int y1, int b) {
+  // The best score of each column of the rows [y0, y1), 0 where there is none.
+  void choose(const Plane& intensity, const Plane& depth, const Plane& gamma, int y0, int y1, int b, float* top) const {
     const int w = intensity.width();
     const int h = intensity.height();
-    const int cells = (w + b - 1) / b;
-    top_.resize(w, 1);
-    float* top = top_.row(0);
     std::fill(top, top + w, 0.0F);
     const auto all = [](std::int32_t v) {
-      IntLanes n;
+      IntLanes n{};
       for (int i = 0; i < kLanes; ++i) n.v[i] = v;
       return n;
     };
@@ -324,20 +328,21 @@ class PixelSelector {
       }
     }
     top[0] = top[1] = top[w - 2] = top[w - 1] = 0.0F;
-    for (int i = 0; i < cells; ++i) {
-      float key = 0;
-      for (int x = i * b; x < std::min((i + 1) * b, w); ++x) key = std::max(key, top[x]);
-      std::int32_t number;
-      std::memcpy(&number, &key, sizeof number);
-      const int place = place_[static_cast<std::size_t>(number & (bits_ - 1))];
-      best_[static_cast<std::size_t>(i)] = key > 0 ? ((y0 << 16) | (i * b)) + place : -1;
-    }
+  }
+  // The pixel (y << 16 | x) with the best score in cell i, -1 if there is none.
+  [[nodiscard]] int best_of_cell(const float* top, int w, int b, int y0, int i) const {
+    float key = 0;
+    for (int x = i * b; x < std::min((i + 1) * b, w); ++x) key = std::max(key, top[x]);
+    if (!(key > 0)) return -1;
+    std::int32_t number;
+    std::memcpy(&number, &key, sizeof number);
+    return ((y0 << 16) | (i * b)) + place_[static_cast<std::size_t>(number & (bits_ - 1))];
   }
 
-  Plane top_;
+  Plane top_;  // a row for each band
   std::vector<std::int32_t> place_, column_;
   int bits_ = 1;
-  std::vector<int> best_, found_, counts_;
+  std::vector<int> found_;  // by tile
 };
 
 APSO_NAMESPACE_END

@@ -1,5 +1,6 @@
 /// \file
-/// Images as the pyramid keeps them, and how they are halved.
+/// Images as the pyramid keeps them, and how they are halved: functions of a band of rows [y0, y1) of the result, which has its
+/// size already, so that bands can be worked on side by side.
 #pragma once
 
 #include <algorithm>
@@ -42,16 +43,31 @@ class Plane {
   int stride_ = 0;
 };
 
+/// The rows of an image in bands: few enough that calling for them costs nothing, the same for any executor.
+class Bands {
+ public:
+  static constexpr int kMost = 16;
+  /// \param least pixels of a band, about two microseconds of work
+  Bands(int rows, int width, int least = 4096)
+      : rows_(rows), count_(std::clamp(rows * width / least, 1, std::min(kMost, std::max(1, rows)))) {}
+  [[nodiscard]] int count() const { return count_; }
+  /// Calls f(band, y0, y1) for all of them.
+  template <class Executor, class F>
+  void run(const Executor& executor, const F& f) const {
+    executor(count_, [&](int i) { f(i, rows_ * i / count_, rows_ * (i + 1) / count_); });
+  }
+
+ private:
+  int rows_, count_;
+};
+
 /// Half the size by the taps 1 3 3 1 (/8) in both directions. A filter with an even number of taps is centred on the
 /// 2x2 block that the coarse pixel stands for, as c' = (c + 0.5)/2 - 0.5 and the depth require; an odd one would shift
 /// the image by half a pixel.
-inline void halve_intensity(const Plane& in, Plane& out, Plane& line) {
-  const int w = in.width() / 2;
-  const int h = in.height() / 2;
-  out.resize(w, h);
-  line.resize(2 * in.width() + 2 * Plane::kPad, 1);
-  float* l = line.row(0);
-  for (int y = 0; y < h; ++y) {
+/// \param l a row for intermediate results, of a plane as wide as `in` plus two pads
+inline void halve_intensity(const Plane& in, Plane& out, float* l, int y0, int y1) {
+  const int w = out.width();
+  for (int y = y0; y < y1; ++y) {
     const float* a = in.row(std::max(2 * y - 1, 0));
     const float* b = in.row(2 * y);
     const float* c = in.row(2 * y + 1);
@@ -72,13 +88,11 @@ inline void halve_intensity(const Plane& in, Plane& out, Plane& line) {
 }
 
 /// Smoothed by the taps 1 2 1 (/4) in both directions.
-inline void smooth_intensity(const Plane& in, Plane& out, Plane& line) {
+/// \param l as above
+inline void smooth_intensity(const Plane& in, Plane& out, float* l, int y0, int y1) {
   const int w = in.width();
   const int h = in.height();
-  out.resize(w, h);
-  line.resize(w, 1);
-  float* l = line.row(0);
-  for (int y = 0; y < h; ++y) {
+  for (int y = y0; y < y1; ++y) {
     const float* a = in.row(std::max(y - 1, 0));
     const float* b = in.row(y);
     const float* c = in.row(std::min(y + 1, h - 1));
@@ -96,11 +110,9 @@ inline void smooth_intensity(const Plane& in, Plane& out, Plane& line) {
 
 /// Half the size: the mean of the valid ones of 2x2 depths that lie within 10 cm of their second largest, so never a
 /// mean over an edge. 0 stays "invalid".
-inline void halve_depth(const Plane& in, Plane& out) {
-  const int w = in.width() / 2;
-  const int h = in.height() / 2;
-  out.resize(w, h);
-  for (int y = 0; y < h; ++y) {
+inline void halve_depth(const Plane& in, Plane& out, int y0, int y1) {
+  const int w = out.width();
+  for (int y = y0; y < y1; ++y) {
     const float* p = in.row(2 * y);
     const float* q = in.row(2 * y + 1);
     float* o = out.row(y);
@@ -129,11 +141,9 @@ inline void halve_depth(const Plane& in, Plane& out) {
 }
 
 /// Half the size by the mean of 2x2.
-inline void halve_mean(const Plane& in, Plane& out) {
-  const int w = in.width() / 2;
-  const int h = in.height() / 2;
-  out.resize(w, h);
-  for (int y = 0; y < h; ++y) {
+inline void halve_mean(const Plane& in, Plane& out, int y0, int y1) {
+  const int w = out.width();
+  for (int y = y0; y < y1; ++y) {
     for (int x = 0; x < w; x += kLanes) {
       Lanes a, b, c, d;
       load_pairs(in.row(2 * y) + 2 * x, a, b);
@@ -144,16 +154,15 @@ inline void halve_mean(const Plane& in, Plane& out) {
 }
 
 /// out = a b.
-inline void multiply(const Plane& a, const Plane& b, Plane& out) {
-  out.resize(a.width(), a.height());
-  for (int y = 0; y < a.height(); ++y) {
+inline void multiply(const Plane& a, const Plane& b, Plane& out, int y0, int y1) {
+  for (int y = y0; y < y1; ++y) {
     for (int x = 0; x < a.width(); x += kLanes) (Lanes::load(a.row(y) + x) * Lanes::load(b.row(y) + x)).store(out.row(y) + x);
   }
 }
 
 /// a = a / b where b > least, else 0.
-inline void divide(Plane& a, const Plane& b, float least) {
-  for (int y = 0; y < a.height(); ++y) {
+inline void divide(Plane& a, const Plane& b, float least, int y0, int y1) {
+  for (int y = y0; y < y1; ++y) {
     for (int x = 0; x < a.width(); x += kLanes) {
       const Lanes d = Lanes::load(b.row(y) + x);
       const Mask ok = d > Lanes(least);

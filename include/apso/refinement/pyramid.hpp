@@ -4,11 +4,13 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/executor.hpp>
 #include <apso/math/lanes.hpp>
 #include <apso/options.hpp>
 #include <apso/refinement/pixel_list.hpp>
@@ -70,8 +72,10 @@ class FramePyramid {
 
   /// \param frame intensity in [0,1] and depth [m]; non-finite intensities get weight 0, invalid depth is dropped
   /// \param dynamic_probability [0,1], 1 = dynamic, of the size of the frame; empty = nothing is dynamic
+  /// \param executor the result does not depend on its threads
+  template <class Executor = SerialExecutor>
   void build(const RgbdFrame& frame, const Pinhole& camera, ImageView<const float> dynamic_probability = {},
-             const PyramidOptions& options = {}, PyramidRole role = PyramidRole::Both) {
+             const PyramidOptions& options = {}, PyramidRole role = PyramidRole::Both, const Executor& executor = {}) {
     check(frame, camera, dynamic_probability, options);
     timestamp_ = frame.timestamp;
     finest_ = options.finest;
@@ -79,34 +83,37 @@ class FramePyramid {
     int used = finest_ + 1;
     while (used < options.levels && (camera.width >> used) >= options.min_width && (camera.height >> used) >= 8) ++used;
     levels_.resize(static_cast<std::size_t>(used - finest_));
+    line_.resize(camera.width + 2 * Plane::kPad, Bands::kMost);
     Pinhole cam = camera;
     PyramidLevel* last = nullptr;
     for (int l = 0; l < used; ++l) {
       // levels above the finest one are passed through, not kept
       PyramidLevel& level = l < finest_ ? skipped_[l & 1] : levels_[static_cast<std::size_t>(l - finest_)];
       if (last == nullptr) {
-        sanitise(frame, dynamic_probability, options, level);
+        sanitise(frame, dynamic_probability, options, level, executor);
       } else {
-        filter(halve_intensity, last->intensity, last->gamma, level.intensity);
-        halve_depth(last->depth, level.depth);
-        if (last->gamma.empty()) level.gamma.clear();
-        else halve_mean(last->gamma, level.gamma);
+        halve(*last, level, executor);
         cam = cam.halved();
       }
       level.camera = cam;
       last = &level;
       if (l < finest_) continue;
-      if (l == finest_) filter(smooth_intensity, level.intensity, level.gamma, smooth_);
+      if (l == finest_) smooth(level, executor);
       const Plane& aligned = l == finest_ ? smooth_ : level.intensity;
-      if (role != PyramidRole::Reference) interleave(aligned, level.depth, level.texture);
+      if (role != PyramidRole::Reference) interleave(aligned, level.depth, level.texture, executor);
       else level.texture.clear();
       if (role != PyramidRole::Current) {
         const int most = l == finest_ ? options.selection.max_pixels : options.selection.max_coarse_pixels;
         selector_(aligned, level.depth, level.gamma, background_, cam, l, gradient_noise(l, finest_), most,
-                  options.selection, level.pixels);
-        find_median_depth(level);
+                  options.selection, level.pixels, executor);
       }
     }
+    if (role == PyramidRole::Current) return;
+    samples_.resize(levels_.size());
+    executor(static_cast<int>(levels_.size()), [&](int i) {
+      const auto k = static_cast<std::size_t>(i);
+      levels_[k].median_depth = median_depth(levels_[k].pixels, samples_[k]);
+    });
   }
 
   /// Takes over what a reference needs: the selected pixels, the cameras, and of the images only the small ones in which
@@ -154,22 +161,42 @@ class FramePyramid {
   }
 
   // Copies the frame; what cannot be used becomes 0. Weights are kept only if they say something.
-  void sanitise(const RgbdFrame& f, const ImageView<const float>& p, const PyramidOptions& o, PyramidLevel& out) {
+  template <class Executor>
+  void sanitise(const RgbdFrame& f, const ImageView<const float>& p, const PyramidOptions& o, PyramidLevel& out,
+                const Executor& executor) {
     const int w = f.intensity.width;
     const int h = f.intensity.height;
     out.intensity.resize(w, h);
     out.depth.resize(w, h);
+    const Bands bands(h, w);
+    std::array<char, Bands::kMost> found{};  // by band: something is not finite, or masked
+    const auto any = [&] { return std::find(found.begin(), found.end(), 1) != found.end(); };
+    bands.run(executor, [&](int band, int y0, int y1) { found[static_cast<std::size_t>(band)] = copy(f, o, out, y0, y1) ? 1 : 0; });
+    const bool broken = any();
     masked_ = false;
+    if (p.empty() && !broken) {
+      out.gamma.clear();
+      return;
+    }
+    out.gamma.resize(w, h);
+    bands.run(executor, [&](int band, int y0, int y1) {
+      found[static_cast<std::size_t>(band)] = weigh(f, p, o, broken, out, y0, y1) ? 1 : 0;
+    });
+    masked_ = any();
+    if (!masked_ && !broken) out.gamma.clear();
+  }
+  // Returns whether some intensity is not finite.
+  static bool copy(const RgbdFrame& f, const PyramidOptions& o, PyramidLevel& out, int y0, int y1) {
+    const int w = f.intensity.width;
     const Lanes lowest = std::max(o.depth.min, 1e-6F);
     const Lanes highest = o.depth.max;
-    bool broken = false;
-    for (int y = 0; y < h; ++y) {
+    Mask bad = Lanes(0.0F) < Lanes(0.0F);
+    for (int y = y0; y < y1; ++y) {
       float* i = out.intensity.row(y);
       float* z = out.depth.row(y);
       std::copy(f.intensity.row(y), f.intensity.row(y) + w, i);
       std::copy(f.depth.row(y), f.depth.row(y) + w, z);
       std::fill(i + w, i + w + Plane::kPad, 0.0F);
-      Mask bad = Lanes(0.0F) < Lanes(0.0F);
       for (int x = 0; x < w; x += kLanes) {
         const Lanes depth = Lanes::load(z + x);
         select((depth >= lowest) & (depth <= highest), depth, 0.0F).store(z + x);
@@ -178,14 +205,17 @@ class FramePyramid {
         bad = bad | !ok;
         select(ok, grey, 0.0F).store(i + x);
       }
-      for (int k = 0; k < kLanes; ++k) broken |= bad[k] != 0;
     }
-    if (p.empty() && !broken) {
-      out.gamma.clear();
-      return;
-    }
-    out.gamma.resize(w, h);
-    for (int y = 0; y < h; ++y) {
+    bool broken = false;
+    for (int k = 0; k < kLanes; ++k) broken |= bad[k] != 0;
+    return broken;
+  }
+  // Returns whether some pixel weighs less than the background.
+  static bool weigh(const RgbdFrame& f, const ImageView<const float>& p, const PyramidOptions& o, bool broken, PyramidLevel& out,
+                    int y0, int y1) {
+    const int w = f.intensity.width;
+    bool masked = false;
+    for (int y = y0; y < y1; ++y) {
       float* g = out.gamma.row(y);
       std::fill(g, g + w, o.gamma_background);
       if (!p.empty()) {
@@ -198,7 +228,7 @@ class FramePyramid {
                      : (fp[x] < o.confirmed_probability ? o.gamma_potential : o.gamma_confirmed);
           any |= g[x] < o.gamma_background;
         }
-        masked_ |= any;
+        masked |= any;
       }
       const float* fi = f.intensity.row(y);
       for (int x = 0; broken && x < w; ++x) {
@@ -207,55 +237,88 @@ class FramePyramid {
       float* z = out.depth.row(y);
       for (int x = 0; x < w; ++x) z[x] = g[x] > 0 ? z[x] : 0.0F;  // nor does the depth of what is masked
     }
-    if (!masked_ && !broken) out.gamma.clear();
+    return masked;
   }
 
-  // out = f(in), in which each pixel counts by its weight, so that what is masked does not mix in.
-  template <class F>
-  void filter(const F& f, const Plane& in, const Plane& gamma, Plane& out) {
-    if (gamma.empty()) {
-      f(in, out, line_);
-      return;
+  template <class Executor>
+  void halve(const PyramidLevel& in, PyramidLevel& out, const Executor& executor) {
+    const int w = in.intensity.width() / 2;
+    const int h = in.intensity.height() / 2;
+    if (in.gamma.empty()) out.gamma.clear();
+    else out.gamma.resize(w, h);
+    out.depth.resize(w, h);
+    filter(halve_intensity, in, w, h, out.intensity, executor, [&](int y0, int y1) {
+      halve_depth(in.depth, out.depth, y0, y1);
+      if (!in.gamma.empty()) halve_mean(in.gamma, out.gamma, y0, y1);
+    });
+  }
+  template <class Executor>
+  void smooth(const PyramidLevel& level, const Executor& executor) {
+    filter(smooth_intensity, level, level.intensity.width(), level.intensity.height(), smooth_, executor, [](int, int) {});
+  }
+  // out = f(intensity), in which each pixel counts by its weight, so that what is masked does not mix in; and what else is
+  // to be done for a band of rows.
+  template <class F, class Executor, class Also>
+  void filter(const F& f, const PyramidLevel& in, int w, int h, Plane& out, const Executor& executor, const Also& also) {
+    const bool weighted = !in.gamma.empty();
+    if (weighted) {
+      weighted_.resize(in.intensity.width(), in.intensity.height());
+      gamma_.resize(w, h);
+      Bands(in.intensity.height(), in.intensity.width()).run(executor, [&](int, int y0, int y1) {
+        multiply(in.intensity, in.gamma, weighted_, y0, y1);
+      });
     }
-    multiply(in, gamma, weighted_);
-    f(weighted_, out, line_);
-    f(gamma, smooth_gamma_, line_);
-    divide(out, smooth_gamma_, 1e-3F);
+    out.resize(w, h);
+    Bands(h, w).run(executor, [&](int band, int y0, int y1) {
+      f(weighted ? weighted_ : in.intensity, out, line_.row(band), y0, y1);
+      if (weighted) {
+        f(in.gamma, gamma_, line_.row(band), y0, y1);
+        divide(out, gamma_, 1e-3F, y0, y1);
+      }
+      also(y0, y1);
+    });
   }
 
-  static void interleave(const Plane& intensity, const Plane& depth, std::vector<float>& texture) {
+  template <class Executor>
+  static void interleave(const Plane& intensity, const Plane& depth, std::vector<float>& texture, const Executor& executor) {
     const int w = intensity.width();
     const int h = intensity.height();
-    // rows follow each other without a gap; the last one is written beyond its end
-    texture.resize(2 * (static_cast<std::size_t>(w) * static_cast<std::size_t>(h) + Plane::kPad));
-    for (int y = 0; y < h; ++y) {
-      float* t = texture.data() + 2 * static_cast<std::ptrdiff_t>(y) * w;
-      for (int x = 0; x < w; x += kLanes) {
-        store_pairs(Lanes::load(intensity.row(y) + x), Lanes::load(depth.row(y) + x), t + 2 * x);
+    texture.resize(2 * static_cast<std::size_t>(w) * static_cast<std::size_t>(h));
+    Bands(h, w).run(executor, [&](int, int y0, int y1) {
+      for (int y = y0; y < y1; ++y) {
+        const float* i = intensity.row(y);
+        const float* z = depth.row(y);
+        float* t = texture.data() + 2 * static_cast<std::ptrdiff_t>(y) * w;
+        int x = 0;
+        for (; x + kLanes <= w; x += kLanes) store_pairs(Lanes::load(i + x), Lanes::load(z + x), t + 2 * x);
+        for (; x < w; ++x) {  // rows follow each other without a gap
+          t[2 * x] = i[x];
+          t[2 * x + 1] = z[x];
+        }
       }
-    }
+    });
   }
 
   // Of about a thousand of the pixels.
-  void find_median_depth(PyramidLevel& l) {
-    l.median_depth = 0;
-    sample_.clear();
-    const int step = std::max(1, l.pixels.blocks() * PixelList::kBlock / 1024);
-    for (int k = 0; k < l.pixels.blocks() * PixelList::kBlock; k += step) {
-      const float z = l.pixels.at(k / PixelList::kBlock, PixelList::kZ, k % PixelList::kBlock);
-      if (z > 0) sample_.push_back(z);
+  static float median_depth(const PixelList& pixels, std::vector<float>& sample) {
+    sample.clear();
+    const int step = std::max(1, pixels.blocks() * PixelList::kBlock / 1024);
+    for (int k = 0; k < pixels.blocks() * PixelList::kBlock; k += step) {
+      const float z = pixels.at(k / PixelList::kBlock, PixelList::kZ, k % PixelList::kBlock);
+      if (z > 0) sample.push_back(z);
     }
-    if (sample_.empty()) return;
-    const auto middle = sample_.begin() + static_cast<std::ptrdiff_t>(sample_.size() / 2);
-    std::nth_element(sample_.begin(), middle, sample_.end());
-    l.median_depth = *middle;
+    if (sample.empty()) return 0;
+    const auto middle = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 2);
+    std::nth_element(sample.begin(), middle, sample.end());
+    return *middle;
   }
 
   std::vector<PyramidLevel> levels_;
   PyramidLevel skipped_[2];
-  Plane smooth_, line_, weighted_, smooth_gamma_;
+  Plane smooth_, weighted_, gamma_;
+  Plane line_;  // a row for each band
   PixelSelector selector_;
-  std::vector<float> sample_;
+  std::vector<std::vector<float>> samples_;  // of depth, by level
   double timestamp_ = 0;
   float background_ = 1;
   int finest_ = 0;

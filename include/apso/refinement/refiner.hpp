@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/executor.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
@@ -128,7 +129,9 @@ class Refiner {
   }
 
   /// Refines the pose of a bad frame. The result is valid until the next call.
-  const Refinement& refine(const Input& in) {
+  /// \param executor for the images and the alignment; the result does not depend on its threads
+  template <class Executor = SerialExecutor>
+  const Refinement& refine(const Input& in, const Executor& executor = {}) {
     result_ = Refinement{};
     Refinement& r = result_;
     const bool feature_ok = in.feature_ok && is_finite(in.T_world_feature);
@@ -156,12 +159,12 @@ class Refiner {
       r.status = Status::NoMask;
       return r;
     }
-    pyramid_.build(in.frame, camera_, in.dynamic_probability, options_.pyramid, PyramidRole::Current);
+    pyramid_.build(in.frame, camera_, in.dynamic_probability, options_.pyramid, PyramidRole::Current, executor);
     candidates_.clear();
     candidates_.push_back(T_guess);
     if (is_finite(in.T_world_predicted)) candidates_.push_back(in.T_world_predicted);
     if (is_finite(in.T_world_previous)) candidates_.push_back(in.T_world_previous);
-    r.alignment = aligner_.align(selection_.references, pyramid_, candidates_);
+    r.alignment = aligner_.align(selection_.references, pyramid_, candidates_, executor);
     r.status = r.alignment.status;
     if (!succeeded(r.status)) return r;
     r.T_world_direct = r.alignment.T_world_camera;
@@ -190,7 +193,9 @@ class Refiner {
   }
 
   /// Takes in a good frame with its final pose: memory, usual speed, usual residual scales.
-  void remember(const RgbdFrame& frame, ImageView<const float> dynamic_probability, const Pose& T_world_camera) {
+  template <class Executor = SerialExecutor>
+  void remember(const RgbdFrame& frame, ImageView<const float> dynamic_probability, const Pose& T_world_camera,
+                const Executor& executor = {}) {
     if (!is_finite(T_world_camera)) return;
     const double dt = frame.timestamp - trusted_timestamp_;
     if (last_good_ && dt > 0) {
@@ -206,13 +211,13 @@ class Refiner {
     ++good_frames_;
     if (!store && !measure) return;
     pyramid_.build(frame, camera_, dynamic_probability, options_.pyramid,
-                   store ? (measure ? PyramidRole::Both : PyramidRole::Reference) : PyramidRole::Current);
+                   store ? (measure ? PyramidRole::Both : PyramidRole::Reference) : PyramidRole::Current, executor);
     const DepthDescriptor descriptor = depth_descriptor(frame.depth, dynamic_probability, options_.pyramid.depth);
     if (measure) {
       memory_.select(frame.timestamp, T_world_camera, descriptor, selection_);
       if (!selection_.references.empty() && !selection_.far_reference) {
         selection_.references.resize(1);
-        const AlignmentResult e = aligner_.evaluate(selection_.references, pyramid_, T_world_camera);
+        const AlignmentResult e = aligner_.evaluate(selection_.references, pyramid_, T_world_camera, executor);
         if (succeeded(e.status)) {
           scale_intensity_.add(e.scale_intensity);
           scale_depth_.add(e.scale_depth);
