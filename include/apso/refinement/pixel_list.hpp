@@ -292,8 +292,10 @@ class PixelSelector {
     const int h = intensity.height();
     std::fill(top, top + w, 0.0F);
     const auto all = [](std::int32_t v) {
-      IntLanes n{};
-      for (int i = 0; i < kLanes; ++i) n.v[i] = v;
+      std::int32_t each[kLanes];
+      std::fill(each, each + kLanes, v);
+      IntLanes n;
+      std::memcpy(&n.v, each, sizeof n.v);
       return n;
     };
     const IntLanes keep = all(-bits_);  // bits_ is a power of 2: all but the last bits

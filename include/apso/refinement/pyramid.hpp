@@ -214,29 +214,31 @@ class FramePyramid {
   static bool weigh(const RgbdFrame& f, const ImageView<const float>& p, const PyramidOptions& o, bool broken, PyramidLevel& out,
                     int y0, int y1) {
     const int w = f.intensity.width;
-    bool masked = false;
+    const Lanes background = o.gamma_background;
+    Mask less = Lanes(0.0F) < Lanes(0.0F);
     for (int y = y0; y < y1; ++y) {
       float* g = out.gamma.row(y);
-      std::fill(g, g + w, o.gamma_background);
-      if (!p.empty()) {
-        const float* fp = p.row(y);
-        bool any = false;
-        for (int x = 0; x < w; ++x) {
-          // NaN fails both comparisons and counts as dynamic
-          g[x] = fp[x] < o.potential_probability
-                     ? o.gamma_background
-                     : (fp[x] < o.confirmed_probability ? o.gamma_potential : o.gamma_confirmed);
-          any |= g[x] < o.gamma_background;
-        }
-        masked |= any;
-      }
-      const float* fi = f.intensity.row(y);
-      for (int x = 0; broken && x < w; ++x) {
-        if (!(std::abs(fi[x]) <= 1e6F)) g[x] = 0.0F;
-      }
       float* z = out.depth.row(y);
-      for (int x = 0; x < w; ++x) z[x] = g[x] > 0 ? z[x] : 0.0F;  // nor does the depth of what is masked
+      if (p.empty()) std::fill(g, g + w, -1.0F);
+      else std::copy(p.row(y), p.row(y) + w, g);
+      std::fill(g + w, g + w + Plane::kPad, -1.0F);  // as certainly static
+      for (int x = 0; x < w; x += kLanes) {
+        const Lanes v = Lanes::load(g + x);
+        // NaN fails both comparisons and counts as dynamic
+        const Lanes weight = select(v < Lanes(o.potential_probability), background,
+                                    select(v < Lanes(o.confirmed_probability), Lanes(o.gamma_potential), Lanes(o.gamma_confirmed)));
+        less = less | (weight < background);
+        weight.store(g + x);
+        // nor does the depth of what is masked
+        select(weight > Lanes(0.0F), Lanes::load(z + x), 0.0F).store(z + x);
+      }
+      const float* i = f.intensity.row(y);
+      for (int x = 0; broken && x < w; ++x) {
+        if (!(std::abs(i[x]) <= 1e6F)) g[x] = z[x] = 0.0F;
+      }
     }
+    bool masked = false;
+    for (int k = 0; k < kLanes; ++k) masked |= less[k] != 0;
     return masked;
   }
 
