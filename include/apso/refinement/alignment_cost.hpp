@@ -45,13 +45,15 @@ class AlignmentCost {
     expects(!current.empty(), "DirectAligner: the current pyramid was not built");
     expects(!current.level(0).texture.empty(), "DirectAligner: the current pyramid was prepared as reference only");
     current_ = &current;
+    finest_ = current.finest();
     if (terms_.size() < references.size()) terms_.resize(references.size());
     used_ = 0;
     for (const AlignmentReference& r : references) {
       expects(r.pyramid != nullptr && !r.pyramid->empty(), "DirectAligner: a reference pyramid was not built");
-      expects(r.pyramid->size() == current.size() &&
-                  r.pyramid->level(0).camera.width == current.level(0).camera.width &&
-                  r.pyramid->level(0).camera.height == current.level(0).camera.height,
+      const FramePyramid& p = *r.pyramid;
+      expects(p.usual_finest() == current.usual_finest() && p.finest() + p.size() == current.finest() + current.size() &&
+                  p.halved(p.usual_finest()).camera.width == current.halved(p.usual_finest()).camera.width &&
+                  p.halved(p.usual_finest()).camera.height == current.halved(p.usual_finest()).camera.height,
               "DirectAligner: reference and current pyramid differ in levels or size");
       if (!(r.weight > 0) || !std::isfinite(r.weight) || !is_finite(r.T_world_reference)) continue;
       Term& t = terms_[used_++];
@@ -59,6 +61,7 @@ class AlignmentCost {
       t.T_world_reference = r.T_world_reference;
       t.weight = r.weight;
       t.light = Illumination{};
+      finest_ = std::max(finest_, p.finest());
     }
     return used_ > 0;
   }
@@ -69,7 +72,7 @@ class AlignmentCost {
     parts_.clear();
     for (std::size_t k = 0; k < used_; ++k) {
       Term& t = terms_[k];
-      const PixelList& list = t.pyramid->level(level).pixels;
+      const PixelList& list = level_of(t, level).pixels;
       const int n = static_cast<int>(list.tiles.size());
       for (auto& s : t.sums) s.resize(static_cast<std::size_t>(n));
       t.labels.reset(static_cast<std::size_t>(n));
@@ -97,9 +100,12 @@ class AlignmentCost {
     for (std::size_t k = 0; k < used_; ++k) terms_[k].scales.scale_intensity = terms_[k].scales.scale_depth = scale;
   }
 
-  [[nodiscard]] int levels() const { return current_->size(); }
+  /// Levels that all frames have; 0 is the finest of them.
+  [[nodiscard]] int levels() const { return current_->finest() + current_->size() - finest_; }
+  /// Halvings from the full size.
+  [[nodiscard]] int halvings(int level) const { return finest_ + level; }
   [[nodiscard]] const FramePyramid& current() const { return *current_; }
-  [[nodiscard]] const PyramidLevel& current(int level) const { return current_->level(level); }
+  [[nodiscard]] const PyramidLevel& current(int level) const { return current_->halved(halvings(level)); }
   [[nodiscard]] const FramePyramid& first_reference() const { return *terms_.front().pyramid; }
   [[nodiscard]] const Pose& first_T_world_reference() const { return terms_.front().T_world_reference; }
 
@@ -108,7 +114,7 @@ class AlignmentCost {
     double sum = 0;
     double weight = 0;
     for (std::size_t k = 0; k < used_; ++k) {
-      const PyramidLevel& l = terms_[k].pyramid->level(level_);
+      const PyramidLevel& l = level_of(terms_[k], level_);
       sum += static_cast<double>(l.median_depth) * l.pixels.count;
       weight += l.pixels.count;
     }
@@ -121,7 +127,7 @@ class AlignmentCost {
     executor(static_cast<int>(parts_.size()), [&](int i) {
       Part& p = parts_[static_cast<std::size_t>(i)];
       Term& t = terms_[static_cast<std::size_t>(p.term)];
-      const PixelList& list = t.pyramid->level(level_).pixels;
+      const PixelList& list = level_of(t, level_).pixels;
       TileSummer summer(warper(t, T_camera_world), kernel_, t.scales);
       for (int k = (p.begin + step - 1) / step * step; k < p.end; k += step) {
         const auto n = static_cast<std::size_t>(k);
@@ -193,7 +199,7 @@ class AlignmentCost {
     for (std::size_t k = 0; k < used_; ++k) {
       Term& t = terms_[k];
       const double both = 1 + t.scales.alpha * t.scales.alpha;
-      t.labels.update(t.sums[kAccepted], t.pyramid->level(level_).pixels.tiles, options_.regions, both * kernel_.rho(3.0), both);
+      t.labels.update(t.sums[kAccepted], level_of(t, level_).pixels.tiles, options_.regions, both * kernel_.rho(3.0), both);
     }
   }
   /// Share of the area whose label says that it moves.
@@ -290,7 +296,7 @@ class AlignmentCost {
       const double charge = both * kernel_.rho(3.0);
       for (std::size_t i = 0; i < t.sums[kTrial].size(); ++i) {
         const TileSums& s = t.sums[kTrial][i];
-        const auto depth = static_cast<double>(t.pyramid->level(level).pixels.tiles[i].depth);
+        const auto depth = static_cast<double>(level_of(t, level).pixels.tiles[i].depth);
         const double w = t.level_weight * depth * depth;
         const double lost = static_cast<double>(s.lost);
         against += w * std::max(0.0, static_cast<double>(s.cost) - charge * lost) / outlier;
@@ -329,17 +335,18 @@ class AlignmentCost {
     PixelSums<double> sum;
   };
 
+  [[nodiscard]] const PyramidLevel& level_of(const Term& t, int level) const { return t.pyramid->halved(halvings(level)); }
   [[nodiscard]] Warper warper(const Term& t, const Pose& T_camera_world) const {
     WarpOptions options = options_.warp;
     options.esm = options.esm && level_ > 0;
-    return Warper(current_->level(level_), compose(T_camera_world, t.T_world_reference), t.light, options, options_.noise, gate_factor_,
+    return Warper(current(level_), compose(T_camera_world, t.T_world_reference), t.light, options, options_.noise, gate_factor_,
                   current_->background());
   }
 
   // Residuals in units of the noise, and intensities, of about `most` pixels.
   template <class Executor>
   void sample(const Term& t, const Pose& T_camera_world, int most, const Executor& executor) {
-    const PixelList& list = t.pyramid->level(level_).pixels;
+    const PixelList& list = level_of(t, level_).pixels;
     const Warper warp = warper(t, T_camera_world);
     const int blocks = list.blocks();
     const int n = std::min(blocks, std::max(1, most / PixelList::kBlock));
@@ -394,7 +401,8 @@ class AlignmentCost {
   AlignmentOptions options_;
   RobustKernel kernel_;
   const FramePyramid* current_ = nullptr;
-  int level_ = 0;
+  int level_ = 0;   // counted from finest_
+  int finest_ = 0;  // halvings of the finest level that all frames have
   float gate_factor_ = 1;  // of the level
   std::size_t used_ = 0;  // terms of this call
   std::vector<Term> terms_;

@@ -28,33 +28,36 @@ struct CornerSet {
   static constexpr int kSide = 8;                ///< of a patch [px]
   static constexpr int kPatch = kSide * kSide;
   std::vector<Eigen::Vector3f> points;           ///< in the camera [m]
-  std::vector<float> patches;                    ///< kPatch each; mean 0, length 1
+  std::vector<float> patches;                    ///< mean 0, length 1; kLanes of them at a time, pixel by pixel, the rest 0
   [[nodiscard]] std::size_t size() const { return points.size(); }
 };
 
 /// Guesses rigid motions between two frames. Corners (Shi and Tomasi, CVPR 1994), one per cell so that they cover the view;
 /// matched where each is the other's best by normalised correlation; motions through three matches each that keep their
 /// distances, judged by how many other matches they bring together (RANSAC, Fischler and Bolles, 1981), each refined on
-/// those. Where a mask leaves few corners, they are looked for at every place of the current image that has texture in two
-/// directions: the best corner of a cell is too often the best of no cell in the other image. Deterministic; keeps its buffers.
+/// those. Where a mask leaves few corners, the cells are smaller, and their corners are looked for at every place of the current
+/// image that has texture in two directions: the best corner of a cell is too often the best of no cell in the other image.
+/// Deterministic; keeps its buffers.
 class CornerSearch {
  public:
-  /// \param level of both pyramids at which corners are looked for, about 160 x 120 pixels; those of the next finer level
+  /// \param halvings of the full size at which corners are looked for, about 160 x 120 pixels; those of the next finer level
   ///        are added if a mask leaves few
   /// \param T_current_reference receives guesses, the one with the most matches first, none twice; may stay empty
-  void operator()(const FramePyramid& reference, const FramePyramid& current, int level, std::vector<Pose>& T_current_reference) {
+  void operator()(const FramePyramid& reference, const FramePyramid& current, int halvings, std::vector<Pose>& T_current_reference) {
     T_current_reference.clear();
     matches_.clear();
-    describe(reference.level(level), Take::Best, reference_);
-    describe(current.level(level), Take::Best, current_);
+    describe(reference.halved(halvings), Take::Best, kCell, reference_);
+    describe(current.halved(halvings), Take::Best, kCell, current_);
     if (std::min(reference_.size(), current_.size()) >= kFew) {
       match(kAlike);
     } else {
-      describe(current.level(level), Take::All, current_);
+      describe(reference.halved(halvings), Take::Best, kCellFew, reference_);
+      describe(current.halved(halvings), Take::All, kCell, current_);
       match(kAlikeFew);
-      if (level > 0 && current.level(level - 1).camera.width <= FramePyramid::kCornerWidth) {
-        describe(reference.level(level - 1), Take::Best, reference_);
-        describe(current.level(level - 1), Take::All, current_);
+      if (halvings > std::max(reference.finest(), current.finest()) &&
+          current.halved(halvings - 1).camera.width <= FramePyramid::kCornerWidth) {
+        describe(reference.halved(halvings - 1), Take::Best, kCellFew, reference_);
+        describe(current.halved(halvings - 1), Take::All, kCell, current_);
         match(kAlikeFew);
       }
     }
@@ -94,6 +97,7 @@ class CornerSearch {
   static constexpr std::size_t kEnough = 1000;  // guesses to choose from
   static constexpr int kGuesses = 6;
   static constexpr int kCell = 8;           // [px]
+  static constexpr int kCellFew = 4;        // the same where there are few
   static constexpr float kAlike = 0.75F;     // least correlation of a match
   static constexpr float kAlikeFew = 0.65F;  // the same where there are few
   struct Match {
@@ -107,19 +111,19 @@ class CornerSearch {
 
   // The best corner of each cell, or all its pixels that could be one.
   enum class Take { Best, All };
-  static void describe(const PyramidLevel& level, Take take, CornerSet& out) {
+  static void describe(const PyramidLevel& level, Take take, int cell, CornerSet& out) {
     constexpr int kMargin = CornerSet::kSide / 2;
     const int w = level.intensity.width();
     const int h = level.intensity.height();
     out.points.clear();
     out.patches.clear();
-    for (int y0 = kMargin; y0 + kCell <= h - kMargin; y0 += kCell) {
-      for (int x0 = kMargin; x0 + kCell <= w - kMargin; x0 += kCell) {
+    for (int y0 = kMargin; y0 + cell <= h - kMargin; y0 += cell) {
+      for (int x0 = kMargin; x0 + cell <= w - kMargin; x0 += cell) {
         float best = kWeakest;
         int bx = 0;
         int by = 0;
-        for (int y = y0; y < y0 + kCell; ++y) {
-          for (int x = x0; x < x0 + kCell; ++x) {
+        for (int y = y0; y < y0 + cell; ++y) {
+          for (int x = x0; x < x0 + cell; ++x) {
             if (!(level.depth.row(y)[x] > 0)) continue;
             const float s = cornerness(level.intensity, x, y);
             if (take == Take::All && s > kWeakest) add(level, x, y, out);
@@ -181,31 +185,69 @@ class CornerSearch {
     const float scale = squares > 0 ? 1.0F / std::sqrt(squares) : 0.0F;
     for (float& v : patch) v *= scale;
     const float z = level.depth.row(y)[x];
-    out.patches.insert(out.patches.end(), patch, patch + CornerSet::kPatch);
+    const std::size_t lane = out.size() % kLanes;
+    if (lane == 0) out.patches.resize(out.patches.size() + CornerSet::kPatch * kLanes, 0.0F);
+    float* to = out.patches.data() + out.patches.size() - CornerSet::kPatch * kLanes + lane;
+    for (int i = 0; i < CornerSet::kPatch; ++i) to[i * kLanes] = patch[i];
     out.points.push_back({(static_cast<float>(x) - static_cast<float>(level.camera.cx)) / static_cast<float>(level.camera.fx) * z,
                           (static_cast<float>(y) - static_cast<float>(level.camera.cy)) / static_cast<float>(level.camera.fy) * z, z});
   }
 
   // Adds the pairs of which each is the other's best.
   void match(float alike) {
+    constexpr int kAtOnce = 4;  // of the reference, beside kLanes of the current image
     const std::size_t n = reference_.size();
-    const std::size_t m = current_.size();
-    best_of_current_.assign(m, {alike, n});
-    best_of_reference_.assign(n, {alike, m});
-    for (std::size_t i = 0; i < n; ++i) {
-      const float* a = reference_.patches.data() + i * CornerSet::kPatch;
-      for (std::size_t j = 0; j < m; ++j) {
-        const float* b = current_.patches.data() + j * CornerSet::kPatch;
-        Lanes sum = 0.0F;
-        for (int k = 0; k < CornerSet::kPatch; k += kLanes) sum += Lanes::load(a + k) * Lanes::load(b + k);
-        const float c = sum.sum();
-        if (c > best_of_reference_[i].first) best_of_reference_[i] = {c, j};
-        if (c > best_of_current_[j].first) best_of_current_[j] = {c, i};
+    const std::size_t groups = (current_.size() + kLanes - 1) / kLanes;
+    best_of_current_.assign(groups * kLanes, alike);
+    partner_of_current_.assign(groups * kLanes, -1.0F);
+    partner_of_reference_.assign(n, -1.0F);
+    for (std::size_t first = 0; first < n; first += kAtOnce) {
+      const int count = static_cast<int>(std::min<std::size_t>(kAtOnce, n - first));
+      float a[CornerSet::kPatch][kAtOnce] = {};
+      for (int r = 0; r < count; ++r) {
+        const std::size_t i = first + static_cast<std::size_t>(r);
+        const float* from = reference_.patches.data() + i / kLanes * CornerSet::kPatch * kLanes + i % kLanes;
+        for (int k = 0; k < CornerSet::kPatch; ++k) a[k][r] = from[k * kLanes];
+      }
+      Lanes best[kAtOnce], group[kAtOnce];
+      std::fill(best, best + kAtOnce, Lanes(alike));
+      std::fill(group, group + kAtOnce, Lanes(-1.0F));
+      for (std::size_t g = 0; g < groups; ++g) {
+        const float* b = current_.patches.data() + g * CornerSet::kPatch * kLanes;
+        Lanes c[kAtOnce];
+        std::fill(c, c + kAtOnce, Lanes(0.0F));
+        for (int k = 0; k < CornerSet::kPatch; ++k) {
+          const Lanes v = Lanes::load(b + k * kLanes);
+          for (int r = 0; r < kAtOnce; ++r) c[r] += v * a[k][r];
+        }
+        Lanes most = Lanes::load(best_of_current_.data() + g * kLanes);
+        Lanes partner = Lanes::load(partner_of_current_.data() + g * kLanes);
+        for (int r = 0; r < kAtOnce; ++r) {
+          const Mask nearer = c[r] > most;
+          most = select(nearer, c[r], most);
+          partner = select(nearer, Lanes(static_cast<float>(first) + static_cast<float>(r)), partner);
+          const Mask better = c[r] > best[r];
+          best[r] = select(better, c[r], best[r]);
+          group[r] = select(better, Lanes(static_cast<float>(g)), group[r]);
+        }
+        most.store(best_of_current_.data() + g * kLanes);
+        partner.store(partner_of_current_.data() + g * kLanes);
+      }
+      for (int r = 0; r < count; ++r) {  // the first of equal ones
+        float most = alike;
+        float& at = partner_of_reference_[first + static_cast<std::size_t>(r)];
+        for (int lane = 0; lane < kLanes; ++lane) {
+          const float j = group[r][lane] * kLanes + static_cast<float>(lane);
+          if (group[r][lane] < 0 || best[r][lane] < most || (best[r][lane] == most && at >= 0 && j > at)) continue;
+          most = best[r][lane];
+          at = j;
+        }
       }
     }
     for (std::size_t i = 0; i < n; ++i) {
-      const std::size_t j = best_of_reference_[i].second;
-      if (j == m || best_of_current_[j].second != i) continue;
+      if (partner_of_reference_[i] < 0) continue;
+      const auto j = static_cast<std::size_t>(partner_of_reference_[i]);
+      if (partner_of_current_[j] != static_cast<float>(i)) continue;
       const Eigen::Vector3f& p = reference_.points[i];
       const Eigen::Vector3f& q = current_.points[j];
       // about a pixel; more would let what moves a little pass for what does not
@@ -298,7 +340,8 @@ class CornerSearch {
   }
 
   CornerSet reference_, current_;
-  std::vector<std::pair<float, std::size_t>> best_of_current_, best_of_reference_;
+  // Correlations, and numbers of patches; floats hold them, exactly as far as there are pixels.
+  std::vector<float> best_of_current_, partner_of_current_, partner_of_reference_;
   std::vector<Match> matches_;
   std::vector<Guess> guesses_;
   std::vector<char> taken_;  // whether the last guess brings a match together

@@ -53,10 +53,16 @@ class DirectAligner {
 
     bool converged = false;
     const int middle = level_narrower_than(100);
+    bool searched = false;
     for (int level = cost_.levels() - 1; level >= 0; --level) {
       const Status s = solve_level(level, origin.ratio, T, converged, result, executor);
       if (!succeeded(s) && level == 0) return fail(result, s);  // a coarse level may be too small; finer ones have more
-      if (level == middle && level > 0) T = try_other_starts(middle, T, origin, result, executor);
+      // where a mask leaves little to go by, a wrong pose may show at the next level only
+      const bool look = level == middle || (level == middle - 1 && cost_.current().masked() && !searched);
+      if (look && level > 0 && cost_.evidence(level, T, executor).contradicted >= options().search_contradicted) {
+        T = try_other_starts(middle - 1, T, origin, result, executor);
+        searched = true;
+      }
     }
     finish(T_guess, origin, T, converged, result, executor);
     return result;
@@ -134,10 +140,8 @@ class DirectAligner {
   // The initial guess is worth nothing then, and a guess from corners little in the directions that few pixels tell about,
   // so that what they tell is taken sooner.
   template <class Executor>
-  Pose try_other_starts(int middle, const Pose& T_found, Origin& origin, AlignmentResult& result, const Executor& executor) {
-    if (cost_.evidence(middle, T_found, executor).contradicted < options().search_contradicted) return T_found;
-    const int finer = middle - 1;
-    corner_search_(cost_.first_reference(), cost_.current(), finer, guesses_);
+  Pose try_other_starts(int finer, const Pose& T_found, Origin& origin, AlignmentResult& result, const Executor& executor) {
+    corner_search_(cost_.first_reference(), cost_.current(), cost_.halvings(finer), guesses_);
     // the most promising are solved; half a pixel from the pose that was found is the same
     const Pose T_reference_world = inverse(cost_.first_T_world_reference());
     const double focal = cost_.current(finer).camera.fx;
@@ -192,7 +196,7 @@ class DirectAligner {
     }
     if (options().prealign_rotation) {
       const Pose& T_world_reference = cost_.first_T_world_reference();
-      const Pose found = rotation_search_(cost_.first_reference().level(level).pixels, cost_.current(level),
+      const Pose found = rotation_search_(cost_.first_reference().halved(cost_.halvings(level)).pixels, cost_.current(level),
                                           compose(T, T_world_reference), options().prealign_iterations);
       // the camera turns about itself
       const Pose reference_world = inverse(compose(T, T_world_reference));

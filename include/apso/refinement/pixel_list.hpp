@@ -70,9 +70,9 @@ struct SelectionOptions {
 };
 
 /// Standard deviation of the gradient of white noise of deviation 1 [1/px], within 15 %, `level` halvings by 1 3 3 1 from the
-/// full size, and smoothed by 1 2 1 if it is the finest.
-[[nodiscard]] inline float gradient_noise(int level, int finest) {
-  return (level == finest ? 0.3F : 0.55F) / static_cast<float>(1 << level);
+/// full size, and smoothed by 1 2 1 or not.
+[[nodiscard]] inline float gradient_noise(int level, bool smoothed) {
+  return (smoothed ? 0.3F : 0.55F) / static_cast<float>(1 << level);
 }
 
 /// Chooses pixels of a level. The image is cut into cells of b x b pixels, b as small as max_pixels allows, and each cell

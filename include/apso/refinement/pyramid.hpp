@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <numeric>
 #include <vector>
 
 #include <apso/config.hpp>
@@ -24,6 +25,8 @@ APSO_NAMESPACE_BEGIN
 struct PyramidOptions {
   int levels = 6;                       ///< resolutions, counted from the full one (level 0)
   int finest = 1;                       ///< finest level used; 1 = half resolution
+  float finer_masked = 0.5F;            ///< share of the pixels that is masked from which a level finer is used as well, so that as
+                                        ///< many are left to choose from; 1 = never
   int min_width = 20;                   ///< levels narrower than this are not built (the finest always is) [px]
   SelectionOptions selection;           ///< which pixels of a reference are aligned
   float gamma_background = 1.0F;        ///< weight of a pixel that is not dynamic
@@ -37,6 +40,7 @@ struct PyramidOptions {
   static void fields(Self& s, V&& v) {
     v("levels", s.levels, 1, 8);
     v("finest", s.finest, 0, 7);
+    v("finer_masked", s.finer_masked, 0.0F, 1.0F);
     v("min_width", s.min_width, 8, 10000);
     v("pixels", s.selection);  // short: a longer prefix would cost an allocation per frame
     v("gamma_background", s.gamma_background, 0.0F, 1.0F);
@@ -65,7 +69,8 @@ enum class PyramidRole { Current, Reference, Both };
 
 /// A frame at the levels finest .. coarsest. What is aligned at the finest level is the image smoothed by 1 2 1: noise in a
 /// gradient weights the pixel that has it, and reading between pixels errs by their curvature. Halving does as much for the
-/// coarser levels, and corners are found in images as they are. Building again with the same sizes allocates nothing.
+/// coarser levels, and corners are found in images as they are. A frame that is mostly masked has a level more (`finer_masked`);
+/// frames are aligned at the levels that all of them have. Building again with the same sizes allocates nothing.
 class FramePyramid {
  public:
   static constexpr int kCornerWidth = 400;  ///< images wider than this are not kept of a reference [px]
@@ -78,40 +83,38 @@ class FramePyramid {
              const PyramidOptions& options = {}, PyramidRole role = PyramidRole::Both, const Executor& executor = {}) {
     check(frame, camera, dynamic_probability, options);
     timestamp_ = frame.timestamp;
-    finest_ = options.finest;
     background_ = options.gamma_background;
-    int used = finest_ + 1;
+    usual_finest_ = options.finest;
+    int used = options.finest + 1;
     while (used < options.levels && (camera.width >> used) >= options.min_width && (camera.height >> used) >= 8) ++used;
-    levels_.resize(static_cast<std::size_t>(used - finest_));
+    levels_.resize(static_cast<std::size_t>(used));
     line_.resize(camera.width + 2 * Plane::kPad, Bands::kMost);
+    sanitise(frame, dynamic_probability, options, levels_[0], executor);
+    finest_ = options.finest > 0 && masked_share_ > options.finer_masked ? options.finest - 1 : options.finest;
     Pinhole cam = camera;
-    PyramidLevel* last = nullptr;
     for (int l = 0; l < used; ++l) {
-      // levels above the finest one are passed through, not kept
-      PyramidLevel& level = l < finest_ ? skipped_[l & 1] : levels_[static_cast<std::size_t>(l - finest_)];
-      if (last == nullptr) {
-        sanitise(frame, dynamic_probability, options, level, executor);
-      } else {
-        halve(*last, level, executor);
+      PyramidLevel& level = levels_[static_cast<std::size_t>(l)];
+      if (l > 0) {
+        halve(levels_[static_cast<std::size_t>(l - 1)], level, executor);
         cam = cam.halved();
       }
       level.camera = cam;
-      last = &level;
       if (l < finest_) continue;
-      if (l == finest_) smooth(level, executor);
-      const Plane& aligned = l == finest_ ? smooth_ : level.intensity;
+      const bool fine = l <= options.finest;
+      if (fine) smooth(level, executor);
+      const Plane& aligned = fine ? smooth_ : level.intensity;
       if (role != PyramidRole::Reference) interleave(aligned, level.depth, level.texture, executor);
       else level.texture.clear();
       if (role != PyramidRole::Current) {
-        const int most = l == finest_ ? options.selection.max_pixels : options.selection.max_coarse_pixels;
-        selector_(aligned, level.depth, level.gamma, background_, cam, l, gradient_noise(l, finest_), most,
-                  options.selection, level.pixels, executor);
+        const int most = fine ? options.selection.max_pixels : options.selection.max_coarse_pixels;
+        selector_(aligned, level.depth, level.gamma, background_, cam, l, gradient_noise(l, fine), most, options.selection,
+                  level.pixels, executor);
       }
     }
     if (role == PyramidRole::Current) return;
     samples_.resize(levels_.size());
-    executor(static_cast<int>(levels_.size()), [&](int i) {
-      const auto k = static_cast<std::size_t>(i);
+    executor(size(), [&](int i) {
+      const auto k = static_cast<std::size_t>(finest_ + i);
       levels_[k].median_depth = median_depth(levels_[k].pixels, samples_[k]);
     });
   }
@@ -121,10 +124,11 @@ class FramePyramid {
   void assign_reference(const FramePyramid& o) {
     timestamp_ = o.timestamp_;
     finest_ = o.finest_;
-    masked_ = o.masked_;
+    usual_finest_ = o.usual_finest_;
+    masked_share_ = o.masked_share_;
     background_ = o.background_;
     levels_.resize(o.levels_.size());
-    for (std::size_t i = 0; i < levels_.size(); ++i) {
+    for (auto i = static_cast<std::size_t>(finest_); i < levels_.size(); ++i) {
       levels_[i].camera = o.levels_[i].camera;
       levels_[i].pixels = o.levels_[i].pixels;
       levels_[i].median_depth = o.levels_[i].median_depth;
@@ -137,13 +141,19 @@ class FramePyramid {
 
   [[nodiscard]] bool empty() const { return levels_.empty(); }
   /// Number of levels kept; 0 is the finest of them.
-  [[nodiscard]] int size() const { return static_cast<int>(levels_.size()); }
-  [[nodiscard]] const PyramidLevel& level(int i) const { return levels_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] int size() const { return static_cast<int>(levels_.size()) - finest_; }
+  [[nodiscard]] const PyramidLevel& level(int i) const { return halved(finest_ + i); }
+  /// The level after so many halvings of the full size, from finest() on.
+  [[nodiscard]] const PyramidLevel& halved(int times) const { return levels_[static_cast<std::size_t>(times)]; }
+  /// Halvings of the finest level kept: `PyramidOptions::finest`, or one less.
+  [[nodiscard]] int finest() const { return finest_; }
+  /// `PyramidOptions::finest`.
+  [[nodiscard]] int usual_finest() const { return usual_finest_; }
   [[nodiscard]] double timestamp() const { return timestamp_; }
   /// Weight of a pixel that is not dynamic.
   [[nodiscard]] float background() const { return background_; }
   /// True when some pixel had a weight below that of the background, i.e. the mask said something.
-  [[nodiscard]] bool masked() const { return masked_; }
+  [[nodiscard]] bool masked() const { return masked_share_ > 0; }
 
  private:
   static void check(const RgbdFrame& f, const Pinhole& camera, const ImageView<const float>& p, const PyramidOptions& o) {
@@ -169,28 +179,28 @@ class FramePyramid {
     out.intensity.resize(w, h);
     out.depth.resize(w, h);
     const Bands bands(h, w);
-    std::array<char, Bands::kMost> found{};  // by band: something is not finite, or masked
-    const auto any = [&] { return std::find(found.begin(), found.end(), 1) != found.end(); };
-    bands.run(executor, [&](int band, int y0, int y1) { found[static_cast<std::size_t>(band)] = copy(f, o, out, y0, y1) ? 1 : 0; });
-    const bool broken = any();
-    masked_ = false;
+    std::array<float, Bands::kMost> found{};  // by band: pixels that are not finite, or masked
+    const auto all = [&] { return std::accumulate(found.begin(), found.end(), 0.0F); };
+    bands.run(executor, [&](int band, int y0, int y1) { found[static_cast<std::size_t>(band)] = copy(f, o, out, y0, y1); });
+    const bool broken = all() > 0;
+    masked_share_ = 0;
     if (p.empty() && !broken) {
       out.gamma.clear();
       return;
     }
     out.gamma.resize(w, h);
     bands.run(executor, [&](int band, int y0, int y1) {
-      found[static_cast<std::size_t>(band)] = weigh(f, p, o, broken, out, y0, y1) ? 1 : 0;
+      found[static_cast<std::size_t>(band)] = weigh(f, p, o, broken, out, y0, y1);
     });
-    masked_ = any();
-    if (!masked_ && !broken) out.gamma.clear();
+    masked_share_ = all() / static_cast<float>(w * h);
+    if (!masked() && !broken) out.gamma.clear();
   }
-  // Returns whether some intensity is not finite.
-  static bool copy(const RgbdFrame& f, const PyramidOptions& o, PyramidLevel& out, int y0, int y1) {
+  // Returns how many intensities are not finite.
+  static float copy(const RgbdFrame& f, const PyramidOptions& o, PyramidLevel& out, int y0, int y1) {
     const int w = f.intensity.width;
     const Lanes lowest = std::max(o.depth.min, 1e-6F);
     const Lanes highest = o.depth.max;
-    Mask bad = Lanes(0.0F) < Lanes(0.0F);
+    Lanes bad = 0.0F;
     for (int y = y0; y < y1; ++y) {
       float* i = out.intensity.row(y);
       float* z = out.depth.row(y);
@@ -202,20 +212,18 @@ class FramePyramid {
         select((depth >= lowest) & (depth <= highest), depth, 0.0F).store(z + x);
         const Lanes grey = Lanes::load(i + x);
         const Mask ok = abs(grey) <= Lanes(1e6F);  // false for NaN and inf
-        bad = bad | !ok;
+        bad += select(ok, 0.0F, 1.0F);
         select(ok, grey, 0.0F).store(i + x);
       }
     }
-    bool broken = false;
-    for (int k = 0; k < kLanes; ++k) broken |= bad[k] != 0;
-    return broken;
+    return bad.sum();
   }
-  // Returns whether some pixel weighs less than the background.
-  static bool weigh(const RgbdFrame& f, const ImageView<const float>& p, const PyramidOptions& o, bool broken, PyramidLevel& out,
+  // Returns how many pixels weigh less than the background.
+  static float weigh(const RgbdFrame& f, const ImageView<const float>& p, const PyramidOptions& o, bool broken, PyramidLevel& out,
                     int y0, int y1) {
     const int w = f.intensity.width;
     const Lanes background = o.gamma_background;
-    Mask less = Lanes(0.0F) < Lanes(0.0F);
+    Lanes less = 0.0F;
     for (int y = y0; y < y1; ++y) {
       float* g = out.gamma.row(y);
       float* z = out.depth.row(y);
@@ -227,7 +235,7 @@ class FramePyramid {
         // NaN fails both comparisons and counts as dynamic
         const Lanes weight = select(v < Lanes(o.potential_probability), background,
                                     select(v < Lanes(o.confirmed_probability), Lanes(o.gamma_potential), Lanes(o.gamma_confirmed)));
-        less = less | (weight < background);
+        less += select(weight < background, 1.0F, 0.0F);
         weight.store(g + x);
         // nor does the depth of what is masked
         select(weight > Lanes(0.0F), Lanes::load(z + x), 0.0F).store(z + x);
@@ -237,9 +245,7 @@ class FramePyramid {
         if (!(std::abs(i[x]) <= 1e6F)) g[x] = z[x] = 0.0F;
       }
     }
-    bool masked = false;
-    for (int k = 0; k < kLanes; ++k) masked |= less[k] != 0;
-    return masked;
+    return less.sum();
   }
 
   template <class Executor>
@@ -315,16 +321,16 @@ class FramePyramid {
     return *middle;
   }
 
-  std::vector<PyramidLevel> levels_;
-  PyramidLevel skipped_[2];
+  std::vector<PyramidLevel> levels_;  // by halvings; those above the finest are passed through, not prepared
   Plane smooth_, weighted_, gamma_;
   Plane line_;  // a row for each band
   PixelSelector selector_;
   std::vector<std::vector<float>> samples_;  // of depth, by level
   double timestamp_ = 0;
   float background_ = 1;
+  float masked_share_ = 0;
   int finest_ = 0;
-  bool masked_ = false;
+  int usual_finest_ = 0;
 };
 
 APSO_NAMESPACE_END
