@@ -84,6 +84,42 @@ TEST_CASE("a body that covers 10 to 60 % of the view: true mask, half wrong mask
   }
 }
 
+TEST_CASE("frames that are mostly masked are aligned one level finer, where all of them are") {
+  const Pinhole camera = room::camera(640);
+  PyramidOptions usual;
+  usual.finer_masked = 1;
+  const auto align = [&](const room::Frame& r, const room::Frame& c, const PyramidOptions& o) {
+    FramePyramid reference, current;
+    reference.build(r.view(), camera, r.probability.view(), o, PyramidRole::Reference);
+    current.build(c.view(), camera, c.probability.view(), o, PyramidRole::Current);
+    DirectAligner aligner;
+    return aligner.align({{&reference, Pose::Identity(), 1.0}}, current, {Pose::Identity()});
+  };
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    const double sign = seed % 2 == 0 ? 1 : -1;
+    const Pose T = room::pose(.02 * sign, -.01, .01, .5, -.4 * sign, .3);
+    const room::Slab half{true, -.4, 1.1, 1.5};
+    const room::Frame r = room::render(camera, Pose::Identity(), half, 2 * seed);
+    const room::Frame c = room::render(camera, T, half, 2 * seed + 1);
+    CHECK(r.dynamic_share > .5);
+    CHECK(c.dynamic_share > .5);
+    const AlignmentResult fine = align(r, c, {});
+    const AlignmentResult coarse = align(r, c, usual);
+    REQUIRE(succeeded(fine.status));
+    REQUIRE(succeeded(coarse.status));
+    CHECK(room::translation_error(fine.T_world_camera, T) < .003);
+    CHECK(fine.counts.selected > 3 * coarse.counts.selected);
+    if (seed > 1) continue;
+    // one of the two has no such level: the same as ever
+    const room::Frame little = room::render(camera, T, {true, -.4, .2, 1.5}, 3);
+    CHECK(little.dynamic_share < .4);
+    const AlignmentResult a = align(r, little, {});
+    const AlignmentResult b = align(r, little, usual);
+    REQUIRE(succeeded(a.status));
+    CHECK((a.T_world_camera.matrix().array() == b.T_world_camera.matrix().array()).all());
+  }
+}
+
 TEST_CASE("a motion far beyond the reach of one descent is found from other starts") {
   AlignmentOptions one;
   one.search_contradicted = 1;

@@ -91,6 +91,37 @@ TEST_CASE("the finest level is aligned smoothed, the others as they are halved")
   CHECK(read(1, 40, 30) == p.level(1).intensity.row(30)[40]);
 }
 
+TEST_CASE("a frame that is mostly masked has a level more, and no fewer pixels to align") {
+  const Pinhole cam = room::camera(640);
+  room::Frame f = room::render(cam, Pose::Identity(), {}, 1);
+  f.probability.assign(cam.width, cam.height, 0.0F);
+  const auto mask = [&](int columns) {
+    for (int y = 0; y < cam.height; ++y) std::fill(&f.probability(0, y), &f.probability(0, y) + columns, 1.0F);
+    return f.probability.view();
+  };
+  PyramidOptions o;
+  FramePyramid whole, p;
+  whole.build(f.view(), cam, {}, o);
+  p.build(f.view(), cam, mask(250), o);  // 39 %
+  CHECK(p.finest() == 1);
+  CHECK(p.size() == whole.size());
+  p.build(f.view(), cam, mask(400), o);
+  CHECK(p.finest() == 0);
+  CHECK(p.usual_finest() == 1);
+  REQUIRE(p.size() == whole.size() + 1);
+  CHECK(p.level(0).camera.width == 640);
+  CHECK(p.level(1).camera.width == 320);
+  CHECK(p.level(0).pixels.count > 20000);  // one of 2 x 2, as at the usual finest level
+  CHECK(p.level(0).texture.size() == 2 * 640 * 480);
+  o.finer_masked = 1;
+  p.build(f.view(), cam, f.probability.view(), o);
+  CHECK(p.finest() == 1);
+  o.finer_masked = 0;
+  o.finest = 0;  // there is none finer
+  p.build(f.view(), cam, f.probability.view(), o);
+  CHECK(p.finest() == 0);
+}
+
 TEST_CASE("what is masked does not mix into what is not, at any level") {
   const Pinhole cam = room::camera(160);
   room::Frame f = flat(cam, .3F, 2);

@@ -86,10 +86,10 @@ class AlignmentCost {
         p.end = b;
         if (p.end > p.begin) parts_.push_back(p);
       }
-      t.scales.alpha = options_.alpha.at(level);
+      t.scales.alpha = schedule(level) < 0 ? options_.alpha_finer : options_.alpha.at(schedule(level));
       t.level_weight = options_.per_reference_mean ? t.weight * 2e4 / std::max(1, list.count) : t.weight;
     }
-    gate_factor_ = static_cast<float>(std::pow(static_cast<double>(options_.warp.gate_growth), level_));
+    gate_factor_ = static_cast<float>(std::pow(static_cast<double>(options_.warp.gate_growth), std::max(0, schedule(level))));
     kernel_ = options_.kernel;
     if (options_.graduated && level == 0) {
       kernel_.kind = KernelKind::Tukey;
@@ -102,6 +102,8 @@ class AlignmentCost {
 
   /// Levels that all frames have; 0 is the finest of them.
   [[nodiscard]] int levels() const { return current_->finest() + current_->size() - finest_; }
+  /// Counted from the usual finest level, as options are: -1 for the one more of frames that are mostly masked.
+  [[nodiscard]] int schedule(int level) const { return halvings(level) - current_->usual_finest(); }
   /// Halvings from the full size.
   [[nodiscard]] int halvings(int level) const { return finest_ + level; }
   [[nodiscard]] const FramePyramid& current() const { return *current_; }
@@ -227,7 +229,7 @@ class AlignmentCost {
       Term& t = terms_[k];
       sample(t, T_camera_world, most, executor);
       Illumination light = t.light;
-      const double floor = std::max(1e-6, options_.scale_floor.at(level_));
+      const double floor = std::max(1e-6, options_.scale_floor.at(schedule(level_)));
       double i = floor;
       double d = floor;
       executor(2, [&](int task) {

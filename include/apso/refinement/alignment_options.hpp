@@ -39,6 +39,7 @@ struct AlignmentOptions {
   double scale_change = 0.2;               ///< relative change of a scale from which the sums are made again with the new
   LevelSchedule alpha{2, 1, 1, 1};         ///< photometric against depth term at 320x240 and coarser: depth gives basin,
                                            ///< intensity precision; with noisy, badly registered depth rather {4, 2, 1, 1}
+  double alpha_finer = 0.85;               ///< the same at the level more of frames that are mostly masked
   LevelSchedule iterations{8, 10, 15, 20}; ///< most outer iterations
   LevelSchedule stop_pixels{0.01, 0.03, 0.05, 0.05};  ///< a step that moves the image by less is the last one [px]
   double stop_relative_cost = 1e-4;        ///< a relative decrease below stops
@@ -73,6 +74,7 @@ struct AlignmentOptions {
     v("scale_samples", s.scale_samples, 64, 100000000);
     v("scale_change", s.scale_change, 0.0, 100.0);
     v("alpha", s.alpha);
+    v("alpha_finer", s.alpha_finer, 0.0, 1e4);
     v("iterations", s.iterations);
     v("stop_pixels", s.stop_pixels);
     v("stop_relative_cost", s.stop_relative_cost, 0.0, 1.0);

@@ -259,15 +259,16 @@ class DirectAligner {
     cost_.enter(level);
     cost_.estimate_scales(T, o.scale_samples, 0, executor);
     cost_.sum(T, kAccepted, executor);
+    const int schedule = std::max(0, cost_.schedule(level));
     // a coarse image has fewer pixels in all
-    const int enough = std::max(6, o.min_pixels >> (2 * level));
+    const int enough = std::max(6, o.min_pixels >> (2 * schedule));
     if (cost_.counts().selected < enough) return Status::TooFewPixels;
     if (cost_.counts().valid < enough) return Status::NoOverlap;
     const double depth = cost_.typical_depth();
     const double focal = cost_.current(level).camera.fx;
     const Twist D = unit_twist(depth);
     double mu = o.damping;
-    const int most = static_cast<int>(o.iterations.at(level));
+    const int most = static_cast<int>(o.iterations.at(schedule));
     for (int it = 0; it < most && !converged; ++it) {
       ++result.iterations;
       cost_.update_labels();
@@ -299,7 +300,7 @@ class DirectAligner {
           step(i) *= D(i);
         }
         if (!all_finite(step)) return Status::Diverged;
-        const bool tiny = focal * largest < o.stop_pixels.at(level);
+        const bool tiny = focal * largest < o.stop_pixels.at(schedule);
         const Pose T_trial = normalized(compose(se3_exp(step), T));
         if (tiny && reject == 0) {  // taken without another look
           T = T_trial;

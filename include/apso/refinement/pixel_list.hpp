@@ -54,7 +54,7 @@ struct PixelList {
 };
 
 struct SelectionOptions {
-  int max_pixels = 20000;        ///< at the finest level; 0 = all
+  int max_pixels = 20000;        ///< at the finest level; 0 = all. Four times as many at the level more of a masked frame
   int max_coarse_pixels = 5000;   ///< at each coarser level; 0 = all
   float edge_gradient = 0.05F;   ///< depth gradient, as a share of the depth per pixel at full size, that is an edge
   float image_noise = 4.0F / 255.0F;  ///< standard deviation of the intensity at full size: what is texture, what noise

@@ -25,8 +25,8 @@ APSO_NAMESPACE_BEGIN
 struct PyramidOptions {
   int levels = 6;                       ///< resolutions, counted from the full one (level 0)
   int finest = 1;                       ///< finest level used; 1 = half resolution
-  float finer_masked = 0.5F;            ///< share of the pixels that is masked from which a level finer is used as well, so that as
-                                        ///< many are left to choose from; 1 = never
+  float finer_masked = 0.4F;            ///< share of masked pixels above which a level finer is used as well, so that as many are
+                                        ///< left to choose from; 1 = never
   int min_width = 20;                   ///< levels narrower than this are not built (the finest always is) [px]
   SelectionOptions selection;           ///< which pixels of a reference are aligned
   float gamma_background = 1.0F;        ///< weight of a pixel that is not dynamic
@@ -90,6 +90,7 @@ class FramePyramid {
     levels_.resize(static_cast<std::size_t>(used));
     line_.resize(camera.width + 2 * Plane::kPad, Bands::kMost);
     sanitise(frame, dynamic_probability, options, levels_[0], executor);
+    weighted_of_ = nullptr;
     finest_ = options.finest > 0 && masked_share_ > options.finer_masked ? options.finest - 1 : options.finest;
     Pinhole cam = camera;
     for (int l = 0; l < used; ++l) {
@@ -106,7 +107,8 @@ class FramePyramid {
       if (role != PyramidRole::Reference) interleave(aligned, level.depth, level.texture, executor);
       else level.texture.clear();
       if (role != PyramidRole::Current) {
-        const int most = fine ? options.selection.max_pixels : options.selection.max_coarse_pixels;
+        // the level more is as densely filled as the usual finest one
+        const int most = fine ? options.selection.max_pixels * (l < options.finest ? 4 : 1) : options.selection.max_coarse_pixels;
         selector_(aligned, level.depth, level.gamma, background_, cam, l, gradient_noise(l, fine), most, options.selection,
                   level.pixels, executor);
       }
@@ -269,9 +271,10 @@ class FramePyramid {
   template <class F, class Executor, class Also>
   void filter(const F& f, const PyramidLevel& in, int w, int h, Plane& out, const Executor& executor, const Also& also) {
     const bool weighted = !in.gamma.empty();
-    if (weighted) {
+    if (weighted) gamma_.resize(w, h);
+    if (weighted && weighted_of_ != &in) {  // a level may be smoothed, then halved
+      weighted_of_ = &in;
       weighted_.resize(in.intensity.width(), in.intensity.height());
-      gamma_.resize(w, h);
       Bands(in.intensity.height(), in.intensity.width()).run(executor, [&](int, int y0, int y1) {
         multiply(in.intensity, in.gamma, weighted_, y0, y1);
       });
@@ -323,6 +326,7 @@ class FramePyramid {
 
   std::vector<PyramidLevel> levels_;  // by halvings; those above the finest are passed through, not prepared
   Plane smooth_, weighted_, gamma_;
+  const PyramidLevel* weighted_of_ = nullptr;  // the level whose weighted image is there
   Plane line_;  // a row for each band
   PixelSelector selector_;
   std::vector<std::vector<float>> samples_;  // of depth, by level
