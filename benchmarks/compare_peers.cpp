@@ -589,9 +589,9 @@ int main(int argc, char** argv) {
       c.moving_share = share;
       char title[64];
       std::snprintf(title, sizeof title, "%.0f %% of the image moves, mask given", 100 * share);
-      run(title, masked, std::max(1, views / 2), four, c);
+      run(title, masked, views, four, c);
     }
-    print_mask_cost(maker, half, {0.30, 0.45, 0.60}, std::max(1, views / 2), four);
+    print_mask_cost(maker, half, {0.30, 0.45, 0.60}, views, four);
   }
   if (has("rest")) run("Camera at rest", methods, views, {0.0}, {});
   if (has("verdict")) {

@@ -104,6 +104,8 @@ class AlignmentCost {
   [[nodiscard]] int levels() const { return current_->finest() + current_->size() - finest_; }
   /// Counted from the usual finest level, as options are: -1 for the one more of frames that are mostly masked.
   [[nodiscard]] int schedule(int level) const { return halvings(level) - current_->usual_finest(); }
+  /// All frames have that one.
+  [[nodiscard]] bool mostly_masked() const { return schedule(0) < 0; }
   /// Halvings from the full size.
   [[nodiscard]] int halvings(int level) const { return finest_ + level; }
   [[nodiscard]] const FramePyramid& current() const { return *current_; }

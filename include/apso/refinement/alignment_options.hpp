@@ -56,6 +56,7 @@ struct AlignmentOptions {
   int prealign_iterations = 15;
   double search_contradicted = 0.12;       ///< when images of about 80x60 contradict the pose in a larger share of what both show,
                                            ///< poses guessed from corners are tried as well; 1 = never
+  double search_masked = 0;                ///< the same for frames that are mostly masked; 0 = always
   bool check_against_guess = true;         ///< Diverged if the result is pixels away from the guess and explains the images worse
   bool per_reference_mean = false;         ///< divide each reference's term by its number of pixels
   double information_deflation = 0.01;     ///< neighbouring residuals are correlated: factor on the information
@@ -90,6 +91,7 @@ struct AlignmentOptions {
     v("prealign_rotation", s.prealign_rotation);
     v("prealign_iterations", s.prealign_iterations, 1, 1000);
     v("search_contradicted", s.search_contradicted, 0.0, 1.0);
+    v("search_masked", s.search_masked, 0.0, 1.0);
     v("check_against_guess", s.check_against_guess);
     v("per_reference_mean", s.per_reference_mean);
     v("information_deflation", s.information_deflation, 1e-9, 1.0);

@@ -51,14 +51,10 @@ class CornerSearch {
     if (std::min(reference_.size(), current_.size()) >= kFew) {
       match(kAlike);
     } else {
-      describe(reference.halved(halvings), Take::Best, kCellFew, reference_);
-      describe(current.halved(halvings), Take::All, kCell, current_);
-      match(kAlikeFew);
+      match_few(reference.halved(halvings), current.halved(halvings));
       if (halvings > std::max(reference.finest(), current.finest()) &&
           current.halved(halvings - 1).camera.width <= FramePyramid::kCornerWidth) {
-        describe(reference.halved(halvings - 1), Take::Best, kCellFew, reference_);
-        describe(current.halved(halvings - 1), Take::All, kCell, current_);
-        match(kAlikeFew);
+        match_few(reference.halved(halvings - 1), current.halved(halvings - 1));
       }
     }
     if (matches_.size() < kLeast) return;
@@ -93,6 +89,7 @@ class CornerSearch {
  private:
   static constexpr std::size_t kLeast = 4;  // matches that a guess brings together
   static constexpr std::size_t kFew = 100;  // corners
+  static constexpr std::size_t kWanted = 200;  // of the reference, where there are few
   static constexpr int kTrials = 50000;     // a tenth of the matches may be right
   static constexpr std::size_t kEnough = 1000;  // guesses to choose from
   static constexpr int kGuesses = 6;
@@ -191,6 +188,14 @@ class CornerSearch {
     for (int i = 0; i < CornerSet::kPatch; ++i) to[i * kLanes] = patch[i];
     out.points.push_back({(static_cast<float>(x) - static_cast<float>(level.camera.cx)) / static_cast<float>(level.camera.fx) * z,
                           (static_cast<float>(y) - static_cast<float>(level.camera.cy)) / static_cast<float>(level.camera.fy) * z, z});
+  }
+
+  // Corners of cells as small as needed, each looked for everywhere.
+  void match_few(const PyramidLevel& reference, const PyramidLevel& current) {
+    describe(reference, Take::Best, kCell, reference_);
+    if (reference_.size() < kWanted) describe(reference, Take::Best, kCellFew, reference_);
+    describe(current, Take::All, kCell, current_);
+    match(kAlikeFew);
   }
 
   // Adds the pairs of which each is the other's best.

@@ -57,9 +57,9 @@ class DirectAligner {
     for (int level = cost_.levels() - 1; level >= 0; --level) {
       const Status s = solve_level(level, origin.ratio, T, converged, result, executor);
       if (!succeeded(s) && level == 0) return fail(result, s);  // a coarse level may be too small; finer ones have more
-      // where a mask leaves little to go by, a wrong pose may show at the next level only
-      const bool look = level == middle || (level == middle - 1 && cost_.current().masked() && !searched);
-      if (look && level > 0 && cost_.evidence(level, T, executor).contradicted >= options().search_contradicted) {
+      // with a mask a wrong pose may show at the next level only
+      const bool look = level == middle || (level == middle - 1 && cost_.current().masked());
+      if (look && !searched && level > 0 && doubtful(level, T, executor)) {
         T = try_other_starts(middle - 1, T, origin, result, executor);
         searched = true;
       }
@@ -135,6 +135,12 @@ class DirectAligner {
     double ratio;  // share of the largest eigenvalue below which a direction is undetermined
   };
 
+  template <class Executor>
+  bool doubtful(int level, const Pose& T, const Executor& executor) {
+    const double bound = cost_.mostly_masked() ? options().search_masked : options().search_contradicted;
+    return bound < 1 && (!(bound > 0) || cost_.evidence(level, T, executor).contradicted >= bound);
+  }
+
   // When images of about 80x60 contradict the pose that was found: poses guessed from corners are solved one level finer,
   // where a body that moves and the room behind it are still told apart, and the pose that explains most is taken.
   // The initial guess is worth nothing then, and a guess from corners little in the directions that few pixels tell about,
@@ -155,6 +161,8 @@ class DirectAligner {
       starts_.push_back({T, cost_.evidence(finer, T, executor).support});
     }
     std::sort(starts_.begin(), starts_.end(), [](const Start& a, const Start& b) { return a.support > b.support; });
+    // where little is left to go by, poses differ by what finer images show
+    const int judged = cost_.mostly_masked() ? std::max(0, finer - 1) : finer;
     Pose best = T_found;
     double most = -std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < std::min<std::size_t>(starts_.size(), kSolved); ++i) {
@@ -164,7 +172,7 @@ class DirectAligner {
       Pose T = T_start;
       bool converged = false;
       (void)solve_level(finer, ratio, T, converged, result, executor);
-      const double support = cost_.evidence(finer, T, executor).support;
+      const double support = cost_.evidence(judged, T, executor).support;
       if (support > most) {
         most = support;
         best = T;
