@@ -5,6 +5,7 @@
 #include <doctest/doctest.h>
 
 #include <apso/refinement/corner_search.hpp>
+#include <apso/refinement/direct_alignment.hpp>
 #include <apso/refinement/pyramid.hpp>
 
 #include "room.hpp"
@@ -95,6 +96,36 @@ TEST_CASE("a motion of 20 cm and 10 degrees is guessed beside a mask that covers
     REQUIRE(!found.empty());
     CHECK(nearest({found.front()}, T) < .023);  // a pixel of 160x120 at 3 m
   }
+}
+
+TEST_CASE("frames that are mostly masked are given other starts") {
+  const Pinhole camera = room::camera(320);
+  int right = 0;
+  int right_without = 0;
+  constexpr unsigned kPairs = 12;
+  for (unsigned seed = 1; seed <= kPairs; ++seed) {
+    const double a = 0.5 * seed;
+    const Pose T = room::pose(.2 * std::cos(a), .02, .2 * std::sin(a), 3 * std::sin(2 * a), 9 * std::cos(3 * a), 4 * std::sin(a));
+    const double middle = .5 * (.2 * std::cos(a)) + 1.5 * std::tan(.5 * 9 * std::cos(3 * a) * .01745);
+    const room::Slab body{true, middle - .55, 1.1, 1.5};
+    const room::Frame r = room::render(camera, Pose::Identity(), body, 2 * seed);
+    const room::Frame c = room::render(camera, T, body, 2 * seed + 1);
+    FramePyramid reference, current;
+    reference.build(r.view(), camera, r.probability.view(), {}, PyramidRole::Reference);
+    current.build(c.view(), camera, c.probability.view(), {}, PyramidRole::Current);
+    CHECK(reference.finest() == 0);
+    const auto solve = [&](double search_masked) {
+      AlignmentOptions o;
+      o.search_masked = search_masked;
+      DirectAligner aligner(o);
+      const AlignmentResult found = aligner.align({{&reference, Pose::Identity(), 1}}, current, {Pose::Identity()});
+      return succeeded(found.status) && room::translation_error(found.T_world_camera, T) < .01 ? 1 : 0;
+    };
+    right += solve(0);
+    right_without += solve(1);
+  }
+  CHECK(right >= 11);
+  CHECK(right >= right_without + 3);
 }
 
 TEST_CASE("nothing is guessed where there is nothing to go by") {

@@ -43,7 +43,8 @@ class CornerSearch {
   /// \param halvings of the full size at which corners are looked for, about 160 x 120 pixels; those of the next finer level
   ///        are added if a mask leaves few
   /// \param T_current_reference receives guesses, the one with the most matches first, none twice; may stay empty
-  void operator()(const FramePyramid& reference, const FramePyramid& current, int halvings, std::vector<Pose>& T_current_reference) {
+  void operator()(const FramePyramid& reference, const FramePyramid& current, int halvings,
+                  std::vector<Pose>& T_current_reference) {
     T_current_reference.clear();
     matches_.clear();
     describe(reference.halved(halvings), Take::Best, kCell, reference_);

@@ -141,8 +141,9 @@ class DirectAligner {
     return bound < 1 && (!(bound > 0) || cost_.evidence(level, T, executor).contradicted >= bound);
   }
 
-  // When images of about 80x60 contradict the pose that was found: poses guessed from corners are solved one level finer,
-  // where a body that moves and the room behind it are still told apart, and the pose that explains most is taken.
+  // When images of about 80x60 contradict the pose that was found, or masks leave little of them: poses guessed from corners are
+  // solved one level finer, where a body that moves and the room behind it are still told apart, and the pose that explains most
+  // is taken.
   // The initial guess is worth nothing then, and a guess from corners little in the directions that few pixels tell about,
   // so that what they tell is taken sooner.
   template <class Executor>

@@ -125,7 +125,8 @@ class PixelSelector {
       out.count += tile.count;
     }
     // at most this many blocks; of one size, so that later calls allocate nothing
-    out.data.resize(out.tiles.size() * ((per_tile + PixelList::kBlock - 1) / PixelList::kBlock) * PixelList::kFields * PixelList::kBlock);
+    const std::size_t blocks = out.tiles.size() * ((per_tile + PixelList::kBlock - 1) / PixelList::kBlock);
+    out.data.resize(blocks * PixelList::kFields * PixelList::kBlock);
     const Images view{intensity,
                       depth,
                       gamma,
@@ -146,7 +147,8 @@ class PixelSelector {
           for (int i = 0; i < PixelList::kBlock; i += kLanes) sum += Lanes::load(to + PixelList::kZ * PixelList::kBlock + i);
         }
         tile.depth = tile.count > 0 ? sum.sum() / static_cast<float>(tile.count) : 0.0F;
-        drop_noise(out, tile, b, options.image_noise * noise, options.depth_noise * view.fx / static_cast<float>(1 << level), view.fx);
+        drop_noise(out, tile, b, options.image_noise * noise, options.depth_noise * view.fx / static_cast<float>(1 << level),
+                   view.fx);
       }
     });
   }
