@@ -59,7 +59,7 @@ struct PyramidLevel {
   Plane depth;                 ///< [m], 0 = invalid
   Plane gamma;                 ///< weight [0,1]; empty when all weights are those of the background
   std::vector<float> texture;  ///< intensity and depth of each pixel side by side, as they are looked up together;
-                               ///< intensity smoothed if finest; empty unless prepared as current
+                               ///< intensity smoothed at the finest levels; empty unless prepared as current
   PixelList pixels;            ///< of the same images; empty unless prepared as reference
   float median_depth = 0;      ///< of the selected pixels [m]
 };
