@@ -7,6 +7,7 @@
 
 #include <apso/refinement/direct_alignment.hpp>
 
+#include "../../benchmarks/alignment_pairs.hpp"
 #include "room.hpp"
 
 using namespace apso;
@@ -31,20 +32,6 @@ Aligned run(const room::Frame& r, const room::Frame& c, const Pose& T_world_curr
   a.result = aligner.align({{&reference, Pose::Identity(), 1.0}}, current, {Pose::Identity()});
   a.error = room::translation_error(a.result.T_world_camera, T_world_current);
   return a;
-}
-
-// The left half of what moves is not marked, and as many columns beside it are marked in error.
-void spoil(room::Frame& f) {
-  Image<float>& p = f.probability;
-  for (int y = 0; y < p.height(); ++y) {
-    int begin = 0;
-    while (begin < p.width() && !(p(begin, y) > 0)) ++begin;
-    int end = begin;
-    while (end < p.width() && p(end, y) > 0) ++end;
-    const int half = (end - begin) / 2;
-    for (int x = begin; x < begin + half; ++x) p(x, y) = 0;
-    for (int x = end; x < std::min(p.width(), end + half); ++x) p(x, y) = 1;
-  }
 }
 
 double median(std::vector<double> v) {
@@ -72,8 +59,8 @@ TEST_CASE("a body that covers 10 to 60 % of the view: true mask, half wrong mask
       const Aligned a = run(r, c, T, true);
       CHECK(succeeded(a.result.status));
       true_mask.push_back(a.error);
-      spoil(r);
-      spoil(c);
+      pairs::spoil_mask(r.probability);
+      pairs::spoil_mask(c.probability);
       half_mask.push_back(run(r, c, T, true).error);
     }
     CHECK(median(true_mask) < 1.5 * median(without_body));

@@ -82,7 +82,7 @@ class AlignmentCost {
         p.term = static_cast<int>(k);
         p.begin = b;
         const int last = list.blocks() * (part + 1) / count;
-        while (b < n && (part + 1 == count || list.tiles[static_cast<std::size_t>(b)].end <= last)) ++b;
+        while (b < n && list.tiles[static_cast<std::size_t>(b)].end <= last) ++b;
         p.end = b;
         if (p.end > p.begin) parts_.push_back(p);
       }

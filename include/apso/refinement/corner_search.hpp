@@ -55,6 +55,7 @@ class CornerSearch {
       match_few(reference.halved(halvings), current.halved(halvings));
       if (halvings > std::max(reference.finest(), current.finest()) &&
           current.halved(halvings - 1).camera.width <= FramePyramid::kCornerWidth) {
+        describe(reference.halved(halvings - 1), Take::Best, kCell, reference_);
         match_few(reference.halved(halvings - 1), current.halved(halvings - 1));
       }
     }
@@ -191,9 +192,8 @@ class CornerSearch {
                           (static_cast<float>(y) - static_cast<float>(level.camera.cy)) / static_cast<float>(level.camera.fy) * z, z});
   }
 
-  // Corners of cells as small as needed, each looked for everywhere.
+  // The corners of the reference, or those of smaller cells if they are few, are looked for everywhere.
   void match_few(const PyramidLevel& reference, const PyramidLevel& current) {
-    describe(reference, Take::Best, kCell, reference_);
     if (reference_.size() < kWanted) describe(reference, Take::Best, kCellFew, reference_);
     describe(current, Take::All, kCell, current_);
     match(kAlikeFew);

@@ -25,8 +25,8 @@ APSO_NAMESPACE_BEGIN
 struct PyramidOptions {
   int levels = 6;                       ///< resolutions, counted from the full one (level 0)
   int finest = 1;                       ///< finest level used; 1 = half resolution
-  float finer_masked = 0.4F;            ///< share of masked pixels above which a level finer is used as well, so that as many are
-                                        ///< left to choose from; 1 = never
+  float finer_masked = 0.4F;            ///< share of pixels that may be dynamic above which a level finer is used as well, so that as
+                                        ///< many others are left to choose from; 1 = never
   int min_width = 20;                   ///< levels narrower than this are not built (the finest always is) [px]
   SelectionOptions selection;           ///< which pixels of a reference are aligned
   float gamma_background = 1.0F;        ///< weight of a pixel that is not dynamic
