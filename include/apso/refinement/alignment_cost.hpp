@@ -347,13 +347,20 @@ class AlignmentCost {
                   current_->background());
   }
 
-  // Residuals in units of the noise, and intensities, of about `most` pixels.
+  // Residuals in units of the noise, and intensities, of about `most` pixels, taken evenly over the surface that the reference
+  // shows, as the labels are: were they spread over the image, what moves would set the scale as soon as it fills half of it,
+  // and a scale that lets it pass brings the pose to it.
   template <class Executor>
   void sample(const Term& t, const Pose& T_camera_world, int most, const Executor& executor) {
     const PixelList& list = level_of(t, level_).pixels;
     const Warper warp = warper(t, T_camera_world);
     const int blocks = list.blocks();
     const int n = std::min(blocks, std::max(1, most / PixelList::kBlock));
+    surface_.assign(1, 0.0);
+    for (const PixelList::Tile& tile : list.tiles) {
+      const auto depth = static_cast<double>(tile.depth);
+      surface_.push_back(surface_.back() + (tile.end - tile.begin) * depth * depth);
+    }
     // each share of the work has room for all its pixels and one more
     const auto room = [&](int share) { return static_cast<std::size_t>(n * share / kShares * PixelList::kBlock + share); };
     samples_intensity_.resize(room(kShares));
@@ -364,8 +371,13 @@ class AlignmentCost {
     executor(kShares, [&](int share) {
       std::size_t a = room(share);
       std::size_t b = a;
+      std::size_t k = 0;
       for (int i = n * share / kShares; i < n * (share + 1) / kShares; ++i) {
-        const float* block = list.block(static_cast<int>(static_cast<long long>(i) * blocks / n));
+        const double at_surface = (i + 0.5) / n * surface_.back();
+        while (k + 1 < list.tiles.size() && surface_[k + 1] <= at_surface) ++k;
+        const PixelList::Tile& tile = list.tiles[k];
+        const double part = (at_surface - surface_[k]) / (surface_[k + 1] - surface_[k]);
+        const float* block = list.block(tile.begin + std::min(tile.end - tile.begin - 1, static_cast<int>(part * (tile.end - tile.begin))));
         for (int at = 0; at < PixelList::kBlock; at += kLanes) {
           WarpedLanes o;
           warp.warp(block, at, o);
@@ -412,6 +424,7 @@ class AlignmentCost {
   std::vector<Term> terms_;
   std::vector<Part> parts_;
   std::vector<float> samples_intensity_, samples_depth_, sorted_;
+  std::vector<double> surface_;  // of the tiles before each, in blocks times depth^2
   IntensityPairs pairs_;
 };
 

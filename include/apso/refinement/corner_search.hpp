@@ -32,12 +32,11 @@ struct CornerSet {
   [[nodiscard]] std::size_t size() const { return points.size(); }
 };
 
-/// Guesses rigid motions between two frames. Corners (Shi and Tomasi, CVPR 1994), one per cell so that they cover the view;
-/// matched where each is the other's best by normalised correlation; motions through three matches each that keep their
-/// distances, judged by how many other matches they bring together (RANSAC, Fischler and Bolles, 1981), each refined on
-/// those. Where a mask leaves few corners, the cells are smaller, and their corners are looked for at every place of the current
-/// image that has texture in two directions: the best corner of a cell is too often the best of no cell in the other image.
-/// Deterministic; keeps its buffers.
+/// Guesses rigid motions between two frames. Corners of the reference (Shi and Tomasi, CVPR 1994), one per cell so that they
+/// cover the view, are looked for at every place of the current image that has texture in two directions: the best corner of a
+/// cell is too often the best of no cell in the other image. They are matched where each is the other's best by normalised
+/// correlation; motions through three matches each that keep their distances are judged by how many other matches they bring
+/// together (RANSAC, Fischler and Bolles, 1981), and each is refined on those. Deterministic; keeps its buffers.
 class CornerSearch {
  public:
   /// \param halvings of the full size at which corners are looked for, about 160 x 120 pixels; those of the next finer level
@@ -47,40 +46,27 @@ class CornerSearch {
                   std::vector<Pose>& T_current_reference) {
     T_current_reference.clear();
     matches_.clear();
-    describe(reference.halved(halvings), Take::Best, kCell, reference_);
-    describe(current.halved(halvings), Take::Best, kCell, current_);
-    if (std::min(reference_.size(), current_.size()) >= kFew) {
-      match(kAlike);
-    } else {
-      match_few(reference.halved(halvings), current.halved(halvings));
-      if (halvings > std::max(reference.finest(), current.finest()) &&
-          current.halved(halvings - 1).camera.width <= FramePyramid::kCornerWidth) {
-        describe(reference.halved(halvings - 1), Take::Best, kCell, reference_);
-        match_few(reference.halved(halvings - 1), current.halved(halvings - 1));
-      }
+    const bool few = match(reference.halved(halvings), current.halved(halvings)) < kFew;
+    if (few && halvings > std::max(reference.finest(), current.finest()) &&
+        current.halved(halvings - 1).camera.width <= FramePyramid::kCornerWidth) {
+      match(reference.halved(halvings - 1), current.halved(halvings - 1));
     }
-    if (matches_.size() < kLeast) return;
     guesses_.clear();
     LinearCongruential random(1);
-    const auto draw = [&] {
-      return static_cast<std::size_t>((static_cast<std::uint64_t>(random()) * matches_.size()) >> 32U);
-    };
-    for (int trial = 0; trial < kTrials && guesses_.size() < kEnough; ++trial) {
-      const std::array<std::size_t, 3> three{draw(), draw(), draw()};
-      Pose T;
-      if (!through(three, T)) continue;
-      const int n = inliers(T);
-      if (n < static_cast<int>(kLeast)) continue;
-      guesses_.push_back({T, n});
-    }
+    pool_ = matches_;
+    draw(random);
     for (int i = 0; i < kGuesses && !guesses_.empty(); ++i) {
       const auto best = std::max_element(guesses_.begin(), guesses_.end(),
                                          [](const Guess& a, const Guess& b) { return a.inliers < b.inliers; });
       Pose T = best->T;
       for (int k = 0; k < 3; ++k) refine(T);
       T_current_reference.push_back(T);
-      // what brings together the same points is the same guess
       const FloatPose f(T);
+      if (i == 0) {  // nearly all triples are of the motion that most matches share; as many are drawn from the rest
+        pool_.erase(std::remove_if(pool_.begin(), pool_.end(), [&](const Match& m) { return agrees(f, m); }), pool_.end());
+        draw(random);
+      }
+      // what brings together the same points is the same guess
       taken_.clear();
       for (const Match& m : matches_) taken_.push_back(agrees(f, m) ? 1 : 0);
       guesses_.erase(std::remove_if(guesses_.begin(), guesses_.end(), [&](const Guess& g) { return 2 * shared(g.T) > g.inliers; }),
@@ -90,22 +76,22 @@ class CornerSearch {
 
  private:
   static constexpr std::size_t kLeast = 4;  // matches that a guess brings together
-  static constexpr std::size_t kFew = 100;  // corners
-  static constexpr std::size_t kWanted = 200;  // of the reference, where there are few
+  static constexpr std::size_t kFew = 100;  // corners of the reference
+  static constexpr std::size_t kWanted = 200;  // the same; with fewer the cells are smaller
   static constexpr int kTrials = 50000;     // a tenth of the matches may be right
-  static constexpr std::size_t kEnough = 1000;  // guesses to choose from
+  static constexpr std::size_t kEnough = 1000;  // motions to choose from
   static constexpr int kGuesses = 6;
   static constexpr int kCell = 8;           // [px]
-  static constexpr int kCellFew = 4;        // the same where there are few
-  static constexpr float kAlike = 0.75F;     // least correlation of a match
-  static constexpr float kAlikeFew = 0.65F;  // the same where there are few
+  static constexpr int kCellFew = 4;        // of the smaller ones
+  static constexpr float kAlike = 0.65F;     // least correlation of a match
   struct Match {
     Eigen::Vector3f p, q;  // in the reference, in the current camera [m]
     float tolerance;       // [m]
   };
+
   struct Guess {
     Pose T;
-    int inliers;
+    std::size_t inliers;
   };
 
   // The best corner of each cell, or all its pixels that could be one.
@@ -192,19 +178,23 @@ class CornerSearch {
                           (static_cast<float>(y) - static_cast<float>(level.camera.cy)) / static_cast<float>(level.camera.fy) * z, z});
   }
 
-  // The corners of the reference, or those of smaller cells if they are few, are looked for everywhere.
-  void match_few(const PyramidLevel& reference, const PyramidLevel& current) {
-    if (reference_.size() < kWanted) describe(reference, Take::Best, kCellFew, reference_);
+  // Looks for the corners of the reference, those of smaller cells if they are few, at all places of the current image.
+  // \return corners of usual cells
+  std::size_t match(const PyramidLevel& reference, const PyramidLevel& current) {
+    describe(reference, Take::Best, kCell, reference_);
+    const std::size_t usual = reference_.size();
+    if (usual < kWanted) describe(reference, Take::Best, kCellFew, reference_);
     describe(current, Take::All, kCell, current_);
-    match(kAlikeFew);
+    match();
+    return usual;
   }
 
   // Adds the pairs of which each is the other's best.
-  void match(float alike) {
+  void match() {
     constexpr int kAtOnce = 4;  // of the reference, beside kLanes of the current image
     const std::size_t n = reference_.size();
     const std::size_t groups = (current_.size() + kLanes - 1) / kLanes;
-    best_of_current_.assign(groups * kLanes, alike);
+    best_of_current_.assign(groups * kLanes, kAlike);
     partner_of_current_.assign(groups * kLanes, -1.0F);
     partner_of_reference_.assign(n, -1.0F);
     for (std::size_t first = 0; first < n; first += kAtOnce) {
@@ -216,7 +206,7 @@ class CornerSearch {
         for (int k = 0; k < CornerSet::kPatch; ++k) a[k][r] = from[k * kLanes];
       }
       Lanes best[kAtOnce], group[kAtOnce];
-      std::fill(best, best + kAtOnce, Lanes(alike));
+      std::fill(best, best + kAtOnce, Lanes(kAlike));
       std::fill(group, group + kAtOnce, Lanes(-1.0F));
       for (std::size_t g = 0; g < groups; ++g) {
         const float* b = current_.patches.data() + g * CornerSet::kPatch * kLanes;
@@ -240,7 +230,7 @@ class CornerSearch {
         partner.store(partner_of_current_.data() + g * kLanes);
       }
       for (int r = 0; r < count; ++r) {  // the first of equal ones
-        float most = alike;
+        float most = kAlike;
         float& at = partner_of_reference_[first + static_cast<std::size_t>(r)];
         for (int lane = 0; lane < kLanes; ++lane) {
           const float j = group[r][lane] * kLanes + static_cast<float>(lane);
@@ -261,11 +251,24 @@ class CornerSearch {
     }
   }
 
+  // Adds motions through three matches of the pool each.
+  void draw(LinearCongruential& random) {
+    if (pool_.size() < kLeast) return;
+    const auto any = [&]() -> const Match& { return pool_[static_cast<std::size_t>((static_cast<std::uint64_t>(random()) * pool_.size()) >> 32U)]; };
+    const std::size_t enough = guesses_.size() + kEnough;
+    for (int trial = 0; trial < kTrials && guesses_.size() < enough; ++trial) {
+      const Match& a = any();
+      const Match& b = any();
+      const Match& c = any();
+      Pose T;
+      if (!through(a, b, c, T)) continue;
+      const std::size_t n = inliers(T);
+      if (n >= kLeast) guesses_.push_back({T, n});
+    }
+  }
+
   // The motion that maps the frames spanned by three matches onto each other.
-  [[nodiscard]] bool through(const std::array<std::size_t, 3>& three, Pose& T) const {
-    const Match& a = matches_[three[0]];
-    const Match& b = matches_[three[1]];
-    const Match& c = matches_[three[2]];
+  [[nodiscard]] static bool through(const Match& a, const Match& b, const Match& c, Pose& T) {
     const auto kept = [](const Match& s, const Match& t) {
       const Eigen::Vector3f d = minus(s.p, t.p);
       const Eigen::Vector3f e = minus(s.q, t.q);
@@ -308,15 +311,16 @@ class CornerSearch {
   [[nodiscard]] static bool agrees(const FloatPose& T, const Match& m) {
     return squared_norm(Eigen::Vector3f(minus(T(m.p.x(), m.p.y(), m.p.z()), m.q))) < m.tolerance * m.tolerance;
   }
-  [[nodiscard]] int inliers(const Pose& T) const {
+  [[nodiscard]] std::size_t inliers(const Pose& T) const {
     const FloatPose f(T);
-    int n = 0;
+    std::size_t n = 0;
     for (const Match& m : matches_) n += agrees(f, m) ? 1 : 0;
     return n;
   }
-  [[nodiscard]] int shared(const Pose& T) const {
+
+  [[nodiscard]] std::size_t shared(const Pose& T) const {
     const FloatPose f(T);
-    int n = 0;
+    std::size_t n = 0;
     for (std::size_t i = 0; i < matches_.size(); ++i) n += taken_[i] != 0 && agrees(f, matches_[i]) ? 1 : 0;
     return n;
   }
@@ -348,7 +352,7 @@ class CornerSearch {
   CornerSet reference_, current_;
   // Correlations, and numbers of patches; floats hold them, exactly as far as there are pixels.
   std::vector<float> best_of_current_, partner_of_current_, partner_of_reference_;
-  std::vector<Match> matches_;
+  std::vector<Match> matches_, pool_;
   std::vector<Guess> guesses_;
   std::vector<char> taken_;  // whether the last guess brings a match together
 };

@@ -155,12 +155,13 @@ class DirectAligner {
     cost_.enter(finer);
     const double depth = cost_.typical_depth();
     starts_.assign(1, {T_found, std::numeric_limits<double>::infinity()});
-    for (const Pose& T_current_reference : guesses_) {
-      const Pose T = normalized(compose(T_current_reference, T_reference_world));
+    const auto consider = [&](const Pose& T) {
       const Twist e = se3_log(compose(T, inverse(T_found)));
-      if (focal * std::max(translation_norm(e) / depth, rotation_norm(e)) <= 0.5) continue;
+      if (focal * std::max(translation_norm(e) / depth, rotation_norm(e)) <= 0.5) return;
       starts_.push_back({T, cost_.evidence(finer, T, executor).support});
-    }
+    };
+    consider(origin.T_kept);
+    for (const Pose& T_current_reference : guesses_) consider(normalized(compose(T_current_reference, T_reference_world)));
     std::sort(starts_.begin(), starts_.end(), [](const Start& a, const Start& b) { return a.support > b.support; });
     // where little is left to go by, poses differ by what finer images show
     const int judged = cost_.mostly_masked() ? std::max(0, finer - 1) : finer;
