@@ -49,6 +49,28 @@ TEST_CASE("frames of different places are refused") {
   CHECK(direct_confidence(r, .65, 1.1) == 0);
 }
 
+TEST_CASE("frames that share little are aligned if what they share agrees, without confidence, and refused otherwise") {
+  // turned by most of the angle of view
+  const Pose T = room::pose(.02, 0, .01, 0, 52, 0);
+  Pair p;
+  p.set(room::render(p.camera, Pose::Identity(), {}, 1), room::render(p.camera, T, {}, 2));
+  const Pose guess = compose(T, room::pose(.01, -.01, 0, .2, 0, -.2));
+  const auto align = [&](const AlignmentOptions& o) {
+    DirectAligner aligner(o);
+    return aligner.align({{&p.reference, Pose::Identity(), 1}}, p.current, {guess});
+  };
+  const AlignmentResult found = align({});
+  REQUIRE(succeeded(found.status));
+  CHECK(found.valid_share > .1);
+  CHECK(found.valid_share < .2);
+  CHECK(found.correlation > .9);
+  CHECK(room::translation_error(found.T_world_camera, T) < .01);
+  CHECK(direct_confidence(found, found.scale_intensity, found.scale_depth) == 0);
+  AlignmentOptions strict;
+  strict.alike = 1;
+  CHECK(align(strict).status == Status::NoOverlap);
+}
+
 TEST_CASE("a bare wall leaves at least three directions at the guess") {
   Pair p;
   room::Frame a, b;

@@ -50,6 +50,8 @@ struct AlignmentOptions {
   double degenerate_floor = 50;            ///< eigenvalue below is degenerate
   int min_pixels = 300;                    ///< fewer valid pixels at the finest level fail
   double min_valid_share = 0.2;            ///< a smaller share of valid ones of the pixels not masked is NoOverlap
+  double min_valid_share_alike = 0.1;      ///< the same where the intensities of both images correlate by `alike`
+  double alike = 0.9;
   double min_correlation = 0.3;            ///< intensities of both images that agree less are NoOverlap
   bool depth_alone = false;                ///< a current image that is all white or black is no failure: depth decides
   bool prealign_rotation = true;           ///< photometric rotation-only search at the coarsest level
@@ -86,6 +88,8 @@ struct AlignmentOptions {
     v("degenerate_floor", s.degenerate_floor, 0.0, 1e12);
     v("min_pixels", s.min_pixels, 6, 100000000);
     v("min_valid_share", s.min_valid_share, 0.0, 1.0);
+    v("min_valid_share_alike", s.min_valid_share_alike, 0.0, 1.0);
+    v("alike", s.alike, -1.0, 1.0);
     v("min_correlation", s.min_correlation, -1.0, 1.0);
     v("depth_alone", s.depth_alone);
     v("prealign_rotation", s.prealign_rotation);

@@ -82,8 +82,8 @@ class DirectAligner {
     result.counts = cost_.counts();
     result.valid_share = share(result.counts);
     if (result.counts.valid < options().min_pixels) return fail(result, Status::TooFewPixels);
-    if (result.valid_share < options().min_valid_share) return fail(result, Status::NoOverlap);
     cost_.report_scales(result);
+    if (!overlap(result)) return fail(result, Status::NoOverlap);
     result.cost = cost_.mean(kAccepted);
     result.status = Status::Converged;
     return result;
@@ -102,6 +102,13 @@ class DirectAligner {
   // Pixels that fall on what is masked tell nothing about the overlap.
   static double share(const WarpCounts& c) {
     return c.selected > c.masked ? static_cast<double>(c.valid) / static_cast<double>(c.selected - c.masked) : 0.0;
+  }
+
+  // A wrong pose may well bring a few pixels together that agree by chance; that they correlate as those of one and the same
+  // surface do is another matter.
+  [[nodiscard]] bool overlap(const AlignmentResult& r) const {
+    const AlignmentOptions& o = options();
+    return r.valid_share >= (r.correlation >= o.alike ? o.min_valid_share_alike : o.min_valid_share);
   }
 
   bool begin(const std::vector<AlignmentReference>& references, const FramePyramid& current,
@@ -363,7 +370,7 @@ class DirectAligner {
       fail(r, Status::TooFewPixels);
       return;
     }
-    if (r.valid_share < options().min_valid_share || r.correlation < options().min_correlation) {
+    if (!overlap(r) || r.correlation < options().min_correlation) {
       fail(r, Status::NoOverlap);
       return;
     }
