@@ -148,11 +148,10 @@ class DirectAligner {
     return bound < 1 && (!(bound > 0) || cost_.evidence(level, T, executor).contradicted >= bound);
   }
 
-  // When images of about 80x60 contradict the pose that was found, or masks leave little of them: poses guessed from corners are
-  // solved one level finer, where a body that moves and the room behind it are still told apart, and the pose that explains most
-  // is taken.
-  // The initial guess is worth nothing then, and a guess from corners little in the directions that few pixels tell about,
-  // so that what they tell is taken sooner.
+  // When images of about 80x60 contradict the pose that was found, or masks leave little of them: the initial guess, which the
+  // smaller images may have led astray, and poses guessed from corners are solved one level finer, where a body that moves and the
+  // room behind it are still told apart, and the pose that explains most is taken.
+  // Such a start is worth little in the directions that few pixels tell about, so that what they tell is taken sooner.
   template <class Executor>
   Pose try_other_starts(int finer, const Pose& T_found, Origin& origin, AlignmentResult& result, const Executor& executor) {
     corner_search_(cost_.first_reference(), cost_.current(), cost_.halvings(finer), guesses_);
