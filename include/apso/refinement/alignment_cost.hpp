@@ -229,7 +229,13 @@ class AlignmentCost {
     bool changed = false;
     for (std::size_t k = 0; k < used_; ++k) {
       Term& t = terms_[k];
-      sample(t, T_camera_world, most, executor);
+      sample(t, T_camera_world, most, Spread::OverSurface, executor);
+      const double surface_intensity = scale_of(samples_intensity_);
+      const double surface_depth = scale_of(samples_depth_);
+      sample(t, T_camera_world, most, Spread::OverImage, executor);
+      if (surface_intensity < kCrowded * scale_of(samples_intensity_) || surface_depth < kCrowded * scale_of(samples_depth_)) {
+        sample(t, T_camera_world, most, Spread::OverSurface, executor);
+      }
       Illumination light = t.light;
       const double floor = std::max(1e-6, options_.scale_floor.at(schedule(level_)));
       double i = floor;
@@ -347,19 +353,29 @@ class AlignmentCost {
                   current_->background());
   }
 
-  // Residuals in units of the noise, and intensities, of about `most` pixels, taken evenly over the surface that the reference
-  // shows, as the labels are: were they spread over the image, what moves would set the scale as soon as it fills half of it,
-  // and a scale that lets it pass brings the pose to it.
+  // Which pixels set the scale. Those of the image are spread as the pixels are that are aligned, but what moves sets their median
+  // as soon as it fills half of the image, and a scale that lets it pass brings the pose to it. The surface that is seen is the
+  // measure of the labels too: what moves is mostly near. It is taken where its scale is so much smaller that something
+  // near does not agree.
+  enum class Spread { OverImage, OverSurface };
+  static constexpr double kCrowded = 0.67;
+
+  [[nodiscard]] double scale_of(const std::vector<float>& samples) {
+    sorted_ = samples;
+    return robust_scale_in_place(options_.scale, sorted_);
+  }
+
+  // Residuals in units of the noise, and intensities, of about `most` pixels.
   template <class Executor>
-  void sample(const Term& t, const Pose& T_camera_world, int most, const Executor& executor) {
+  void sample(const Term& t, const Pose& T_camera_world, int most, Spread spread, const Executor& executor) {
     const PixelList& list = level_of(t, level_).pixels;
     const Warper warp = warper(t, T_camera_world);
     const int blocks = list.blocks();
     const int n = std::min(blocks, std::max(1, most / PixelList::kBlock));
-    surface_.assign(1, 0.0);
+    until_.assign(1, 0.0);
     for (const PixelList::Tile& tile : list.tiles) {
-      const auto depth = static_cast<double>(tile.depth);
-      surface_.push_back(surface_.back() + (tile.end - tile.begin) * depth * depth);
+      const double depth = spread == Spread::OverSurface ? static_cast<double>(tile.depth) : 1.0;
+      until_.push_back(until_.back() + (tile.end - tile.begin) * depth * depth);
     }
     // each share of the work has room for all its pixels and one more
     const auto room = [&](int share) { return static_cast<std::size_t>(n * share / kShares * PixelList::kBlock + share); };
@@ -373,10 +389,10 @@ class AlignmentCost {
       std::size_t b = a;
       std::size_t k = 0;
       for (int i = n * share / kShares; i < n * (share + 1) / kShares; ++i) {
-        const double at_surface = (i + 0.5) / n * surface_.back();
-        while (k + 1 < list.tiles.size() && surface_[k + 1] <= at_surface) ++k;
+        const double place = (i + 0.5) / n * until_.back();
+        while (k + 1 < list.tiles.size() && until_[k + 1] <= place) ++k;
         const PixelList::Tile& tile = list.tiles[k];
-        const double part = (at_surface - surface_[k]) / (surface_[k + 1] - surface_[k]);
+        const double part = (place - until_[k]) / (until_[k + 1] - until_[k]);
         const float* block = list.block(tile.begin + std::min(tile.end - tile.begin - 1, static_cast<int>(part * (tile.end - tile.begin))));
         for (int at = 0; at < PixelList::kBlock; at += kLanes) {
           WarpedLanes o;
@@ -424,7 +440,7 @@ class AlignmentCost {
   std::vector<Term> terms_;
   std::vector<Part> parts_;
   std::vector<float> samples_intensity_, samples_depth_, sorted_;
-  std::vector<double> surface_;  // of the tiles before each, in blocks times depth^2
+  std::vector<double> until_;  // what there is to sample before each tile
   IntensityPairs pairs_;
 };
 

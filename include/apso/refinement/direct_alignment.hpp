@@ -391,6 +391,7 @@ class DirectAligner {
     }
     if (options().check_against_guess) {
       constexpr int kStep = 8;  // an eighth of the pixels will do
+      cost_.sum(T, kAccepted, executor, kStep);  // once more, by the scales of now
       cost_.sum(T_guess, kTrial, executor, kStep);
       // Within the reach of a few pixels the two costs differ by noise and by what the references disagree on: a good
       // guess may well come out ahead there, and the result is no worse for it.
