@@ -69,6 +69,19 @@ TEST_CASE("frames that share little are aligned if what they share agrees, witho
   AlignmentOptions strict;
   strict.alike = 1;
   CHECK(align(strict).status == Status::NoOverlap);
+  // depth alone does not say that it is the same place
+  room::Frame dark[2];
+  for (int i : {0, 1}) {
+    dark[i] = room::render(p.camera, i == 0 ? Pose::Identity() : T, {}, static_cast<unsigned>(i + 1));
+    std::fill_n(dark[i].intensity.data(), dark[i].intensity.size(), .1F);
+  }
+  p.set(dark[0], dark[1]);
+  AlignmentOptions depth_alone;
+  depth_alone.depth_alone = true;
+  const AlignmentResult blind = align(depth_alone);
+  CHECK(blind.correlation == 1);
+  CHECK(blind.valid_share > strict.min_valid_share_alike);
+  CHECK(blind.status == Status::NoOverlap);
 }
 
 TEST_CASE("a bare wall leaves at least three directions at the guess") {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -229,26 +230,26 @@ class AlignmentCost {
     bool changed = false;
     for (std::size_t k = 0; k < used_; ++k) {
       Term& t = terms_[k];
-      sample(t, T_camera_world, most, Spread::OverSurface, executor);
-      const double surface_intensity = scale_of(samples_intensity_);
-      const double surface_depth = scale_of(samples_depth_);
-      sample(t, T_camera_world, most, Spread::OverImage, executor);
-      if (surface_intensity < kCrowded * scale_of(samples_intensity_) || surface_depth < kCrowded * scale_of(samples_depth_)) {
-        sample(t, T_camera_world, most, Spread::OverSurface, executor);
+      sample(t, T_camera_world, most, executor);
+      executor(2, [&](int task) { (task == 0 ? intensities_ : depths_).estimate(options_.scale); });
+      if (intensities_.crowded() || depths_.crowded()) {
+        executor(2, [&](int task) { (task == 0 ? intensities_ : depths_).spread_over_surface(); });
+        for (std::vector<float>* v : {&pairs_.reference, &pairs_.current, &pairs_.inverse_sigma}) intensities_.pick(*v);
       }
       Illumination light = t.light;
       const double floor = std::max(1e-6, options_.scale_floor.at(schedule(level_)));
-      double i = floor;
-      double d = floor;
       executor(2, [&](int task) {
         if (task == 0) {
-          if (options_.illumination && pairs_.size() >= 32) fit_illumination(pairs_, floor, samples_intensity_, sorted_, light);
-          i = std::max(floor, robust_scale_in_place(options_.scale, samples_intensity_));
+          if (options_.illumination && pairs_.size() >= 32) {
+            fit_illumination(pairs_, floor, intensities_.residuals, intensities_.scratch, light);
+            intensities_.scale = robust_scale_in_place(options_.scale, intensities_.residuals);
+          }
         } else {
           t.correlation = intensity_correlation(pairs_, static_cast<double>(options_.noise.sigma_intensity), options_.depth_alone);
-          d = std::max(floor, robust_scale_in_place(options_.scale, samples_depth_));
         }
       });
+      const double i = std::max(floor, intensities_.scale);
+      const double d = std::max(floor, depths_.scale);
       const auto differs = [&](double a, double b) { return std::abs(a - b) > tolerated * std::min(a, b); };
       const double brighter = std::abs(0.5 * static_cast<double>(light.gain - t.light.gain) +
                                        static_cast<double>(light.offset - t.light.offset));
@@ -353,47 +354,74 @@ class AlignmentCost {
                   current_->background());
   }
 
-  // Which pixels set the scale. Those of the image are spread as the pixels are that are aligned, but what moves sets their median
-  // as soon as it fills half of the image, and a scale that lets it pass brings the pose to it. The surface that is seen is the
-  // measure of the labels too: what moves is mostly near. It is taken where its scale is so much smaller that something
-  // near does not agree.
-  enum class Spread { OverImage, OverSurface };
-  static constexpr double kCrowded = 0.67;
+  // Residuals of some pixels, in units of the noise. Those of the image are spread as the pixels are that are aligned, but what
+  // moves sets their median as soon as it fills half of the image, and a scale that lets it pass brings the pose to it. The
+  // surface that is seen is the measure of the labels too: what moves is mostly near. It is taken where its scale is so much
+  // smaller that something near does not agree.
+  struct Samples {
+    std::vector<float> residuals;
+    std::vector<float> surface;  // that each stands for, depth^2
+    double scale = 0;            // of the residuals as they are
+    double scale_over_surface = 0;
+    std::vector<std::uint32_t> picked;  // as many, spread evenly over the surface
+    std::vector<float> scratch, all;
 
-  [[nodiscard]] double scale_of(const std::vector<float>& samples) {
-    sorted_ = samples;
-    return robust_scale_in_place(options_.scale, sorted_);
-  }
+    void resize(std::size_t n) {
+      residuals.resize(n);
+      surface.resize(n);
+    }
+    void estimate(ScaleKind kind) {
+      scratch = residuals;
+      scale = robust_scale_in_place(kind, scratch);
+      double whole = 0;
+      for (const float s : surface) whole += static_cast<double>(s);
+      picked.clear();
+      double until = 0;
+      for (std::size_t i = 0; i < surface.size(); ++i) {
+        until += static_cast<double>(surface[i]);
+        while ((static_cast<double>(picked.size()) + 0.5) * whole < until * static_cast<double>(surface.size())) {
+          picked.push_back(static_cast<std::uint32_t>(i));
+        }
+      }
+      scratch = residuals;
+      pick(scratch);
+      scale_over_surface = robust_scale_in_place(kind, scratch);
+    }
+    [[nodiscard]] bool crowded() const { return scale_over_surface < 0.67 * scale; }
+    void spread_over_surface() {
+      pick(residuals);
+      scale = scale_over_surface;
+    }
+    void pick(std::vector<float>& values) {
+      all.swap(values);
+      values.clear();
+      for (const std::uint32_t i : picked) values.push_back(all[i]);
+    }
+  };
 
-  // Residuals in units of the noise, and intensities, of about `most` pixels.
+  // Residuals and intensities of about `most` pixels.
   template <class Executor>
-  void sample(const Term& t, const Pose& T_camera_world, int most, Spread spread, const Executor& executor) {
+  void sample(const Term& t, const Pose& T_camera_world, int most, const Executor& executor) {
     const PixelList& list = level_of(t, level_).pixels;
     const Warper warp = warper(t, T_camera_world);
     const int blocks = list.blocks();
     const int n = std::min(blocks, std::max(1, most / PixelList::kBlock));
-    until_.assign(1, 0.0);
-    for (const PixelList::Tile& tile : list.tiles) {
-      const double depth = spread == Spread::OverSurface ? static_cast<double>(tile.depth) : 1.0;
-      until_.push_back(until_.back() + (tile.end - tile.begin) * depth * depth);
-    }
     // each share of the work has room for all its pixels and one more
     const auto room = [&](int share) { return static_cast<std::size_t>(n * share / kShares * PixelList::kBlock + share); };
-    samples_intensity_.resize(room(kShares));
-    samples_depth_.resize(room(kShares));
+    intensities_.resize(room(kShares));
+    depths_.resize(room(kShares));
     pairs_.resize(room(kShares));
-    std::size_t intensities[kShares];
-    std::size_t depths[kShares];
+    std::size_t with_intensity[kShares];
+    std::size_t with_depth[kShares];
     executor(kShares, [&](int share) {
       std::size_t a = room(share);
       std::size_t b = a;
       std::size_t k = 0;
       for (int i = n * share / kShares; i < n * (share + 1) / kShares; ++i) {
-        const double place = (i + 0.5) / n * until_.back();
-        while (k + 1 < list.tiles.size() && until_[k + 1] <= place) ++k;
-        const PixelList::Tile& tile = list.tiles[k];
-        const double part = (place - until_[k]) / (until_[k + 1] - until_[k]);
-        const float* block = list.block(tile.begin + std::min(tile.end - tile.begin - 1, static_cast<int>(part * (tile.end - tile.begin))));
+        const int at_block = static_cast<int>(static_cast<long long>(i) * blocks / n);
+        while (list.tiles[k].end <= at_block) ++k;
+        const float surface = list.tiles[k].depth * list.tiles[k].depth;
+        const float* block = list.block(at_block);
         for (int at = 0; at < PixelList::kBlock; at += kLanes) {
           WarpedLanes o;
           warp.warp(block, at, o);
@@ -401,18 +429,20 @@ class AlignmentCost {
           const Lanes intensity = o.residual_intensity * inverse_intensity;
           const Lanes depth = o.residual_depth * sqrt(o.inverse_depth);
           for (int j = 0; j < kLanes; ++j) {  // each is written, and overwritten by the next unless it counts
-            samples_intensity_[a] = intensity[j];
+            intensities_.residuals[a] = intensity[j];
+            intensities_.surface[a] = surface;
             pairs_.reference[a] = block[PixelList::kIntensity * PixelList::kBlock + at + j];
             pairs_.current[a] = o.current[j];
             pairs_.inverse_sigma[a] = inverse_intensity[j];
-            samples_depth_[b] = depth[j];
+            depths_.residuals[b] = depth[j];
+            depths_.surface[b] = surface;
             a += o.weight_intensity[j] > 0 ? 1 : 0;
             b += o.weight_depth[j] > 0 ? 1 : 0;
           }
         }
       }
-      intensities[share] = a - room(share);
-      depths[share] = b - room(share);
+      with_intensity[share] = a - room(share);
+      with_depth[share] = b - room(share);
     });
     const auto close_up = [&](std::vector<float>& v, const std::size_t* counts) {
       std::size_t end = 0;
@@ -423,11 +453,12 @@ class AlignmentCost {
       }
       v.resize(end);
     };
-    close_up(samples_intensity_, intensities);
-    close_up(pairs_.reference, intensities);
-    close_up(pairs_.current, intensities);
-    close_up(pairs_.inverse_sigma, intensities);
-    close_up(samples_depth_, depths);
+    for (std::vector<float>* v : {&intensities_.residuals, &intensities_.surface, &pairs_.reference, &pairs_.current,
+                                  &pairs_.inverse_sigma}) {
+      close_up(*v, with_intensity);
+    }
+    close_up(depths_.residuals, with_depth);
+    close_up(depths_.surface, with_depth);
   }
 
   AlignmentOptions options_;
@@ -439,8 +470,7 @@ class AlignmentCost {
   std::size_t used_ = 0;  // terms of this call
   std::vector<Term> terms_;
   std::vector<Part> parts_;
-  std::vector<float> samples_intensity_, samples_depth_, sorted_;
-  std::vector<double> until_;  // what there is to sample before each tile
+  Samples intensities_, depths_;
   IntensityPairs pairs_;
 };
 

@@ -51,7 +51,7 @@ struct AlignmentOptions {
   int min_pixels = 300;                    ///< fewer valid pixels at the finest level fail
   double min_valid_share = 0.2;            ///< a smaller share of valid ones of the pixels not masked is NoOverlap
   double min_valid_share_alike = 0.1;      ///< the same where the intensities of both images correlate by `alike`
-  double alike = 0.9;
+  double alike = 0.9;                      ///< correlation of the intensities of right poses, [-1,1]
   double min_correlation = 0.3;            ///< intensities of both images that agree less are NoOverlap
   bool depth_alone = false;                ///< a current image that is all white or black is no failure: depth decides
   bool prealign_rotation = true;           ///< photometric rotation-only search at the coarsest level

@@ -108,7 +108,8 @@ class DirectAligner {
   // surface do is another matter.
   [[nodiscard]] bool overlap(const AlignmentResult& r) const {
     const AlignmentOptions& o = options();
-    return r.valid_share >= (r.correlation >= o.alike ? o.min_valid_share_alike : o.min_valid_share);
+    const bool alike = r.correlation >= o.alike && r.correlation < 1;  // 1: there was nothing to compare
+    return r.valid_share >= (alike ? o.min_valid_share_alike : o.min_valid_share);
   }
 
   bool begin(const std::vector<AlignmentReference>& references, const FramePyramid& current,
