@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -41,6 +42,29 @@ double nearest(const std::vector<Pose>& guesses, const Pose& T_world_current) {
   return best;
 }
 }  // namespace
+
+TEST_CASE("where a corner went is found to a fraction of a pixel") {
+  const Pose T = room::pose(.03, .02, -.04, .7, -.6, 1);
+  FramePyramid r, c;
+  build(room::render(kCamera, Pose::Identity(), {}, 1), false, r);
+  build(room::render(kCamera, T, {}, 2), false, c);
+  CornerMatcher matcher;
+  std::vector<CornerMatch> matches;
+  CHECK(matcher(r.halved(0), c.halved(0), matches) > 100);
+  const Pose T_current_reference = inverse(T);
+  std::vector<double> off;  // [px]
+  for (const CornerMatch& m : matches) {
+    CHECK(m.pixel == doctest::Approx(1 / kCamera.fx));
+    const Eigen::Vector3d y = transform(T_current_reference, m.p.cast<double>());
+    const Eigen::Vector2d should = y.head<2>() / y.z();
+    const Eigen::Vector2d is = m.q.head<2>().cast<double>() / static_cast<double>(m.q.z());
+    const double distance = (should - is).norm() * kCamera.fx;
+    if (distance < 2) off.push_back(distance);
+  }
+  CHECK(off.size() > matches.size() / 2);
+  std::nth_element(off.begin(), off.begin() + static_cast<std::ptrdiff_t>(off.size() / 2), off.end());
+  CHECK(off[off.size() / 2] < .25);  // whole pixels would be off by 0.40 in the median: pi r^2 = 1/2
+}
 
 TEST_CASE("a motion of 30 cm and 20 degrees is guessed from corners") {
   for (unsigned seed = 1; seed <= 8; ++seed) {

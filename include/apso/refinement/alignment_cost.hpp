@@ -285,10 +285,11 @@ class AlignmentCost {
   /// How well a pose explains the view, by a bounded cost at one scale for all poses.
   struct Evidence {
     double contradicted = 1;  ///< share of what both images show that does not agree, [0,1]
-    double support = 0;       ///< what agrees minus what does not, as share of all pixels, [-1,1]
+    double support = 0;       ///< what agrees minus twice what does not, as share of all pixels, [-2,1]
   };
   /// Tiles count by the surface that they show, depth^2, not by the image that they fill: what moves is mostly near, what
-  /// does not is mostly large. What leaves the view counts neither way.
+  /// does not is mostly large. What leaves the view counts neither way, and what contradicts counts twice: a wrong pose brings
+  /// bare walls together, which agree with each other anywhere.
   template <class Executor>
   [[nodiscard]] Evidence evidence(int level, const Pose& T_camera_world, const Executor& executor) {
     enter(level);
@@ -317,7 +318,7 @@ class AlignmentCost {
     }
     Evidence e;
     if (seen > 0) e.contradicted = against / seen;
-    if (all > 0) e.support = (seen - 2 * against) / all;
+    if (all > 0) e.support = (seen - 3 * against) / all;
     return e;
   }
 

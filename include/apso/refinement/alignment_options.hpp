@@ -35,7 +35,7 @@ struct AlignmentOptions {
   bool graduated = false;                  ///< Tukey at the finest level, `kernel` before
   ScaleKind scale = ScaleKind::Mad;        ///< how the spread of the residuals is measured
   LevelSchedule scale_floor{0.25, 0.25, 0.25, 0.25};  ///< smallest scale, in units of the noise model
-  int scale_samples = 512;                 ///< pixels looked at for the scale; four times as many for the final one
+  int scale_samples = 1024;                ///< pixels looked at for the scale; twice as many for the final one
   double scale_change = 0.2;               ///< relative change of a scale from which the sums are made again with the new
   LevelSchedule alpha{2, 1, 1, 1};         ///< photometric against depth term at 320x240 and coarser: depth gives basin,
                                            ///< intensity precision; with noisy, badly registered depth rather {4, 2, 1, 1}

@@ -77,7 +77,7 @@ class DirectAligner {
     if (!begin(references, current, one_, result)) return result;
     const Pose T = inverse(T_world_camera);
     cost_.enter(0);
-    cost_.estimate_scales(T, 4 * options().scale_samples, 0, executor);
+    cost_.estimate_scales(T, 2 * options().scale_samples, 0, executor);
     cost_.sum(T, kAccepted, executor);
     result.counts = cost_.counts();
     result.valid_share = share(result.counts);
@@ -360,7 +360,7 @@ class DirectAligner {
       fail(r, Status::Diverged);
       return;
     }
-    cost_.estimate_scales(T, 4 * options().scale_samples, 0, executor);
+    cost_.estimate_scales(T, 2 * options().scale_samples, 0, executor);
     cost_.report_scales(r);
     r.median_depth = cost_.typical_depth();
     Matrix6 P;
