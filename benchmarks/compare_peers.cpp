@@ -47,11 +47,10 @@ class Apso : public Method {
     confidence = apso::direct_confidence(last, 0.65, 1.1);
     return {apso::succeeded(last.status) && confidence > 0.5, apso::inverse(last.T_world_camera)};
   }
-  // One look at all pixels of the finest level: scales, warp, weights, sums. Returns the share of them that the current
-  // image shows.
-  double look(const apso::Pose& T_current_reference) {
+  // One look at all pixels of the finest level: scales, warp, weights, sums.
+  apso::AlignmentResult look(const apso::Pose& T_current_reference) {
     references_.assign(1, {&reference_, apso::Pose::Identity(), 1.0});
-    return aligner_.evaluate(references_, current_, apso::inverse(T_current_reference)).valid_share;
+    return aligner_.evaluate(references_, current_, apso::inverse(T_current_reference));
   }
   void prepare_both(const pairs::Image8& f) { build(f, current_, apso::PyramidRole::Both); }
   template <class Executor>
@@ -328,7 +327,7 @@ void print_resources(const pairs::PairMaker& maker, const apso::PyramidOptions& 
       measure(apso::SerialExecutor{}, one);
       measure(TwoThreads{}, two);
     }
-    const double look = best(cpu_ms, [&] { a.look(pair.T_current_reference); });
+    const double look = best(cpu_ms, [&] { (void)a.look(pair.T_current_reference); });
     const double prepared = best(cpu_ms, [&] { a.prepare_both(pair.current); });
     std::printf("| %s | %.2f | %.2f | %.1f | %.2f | %.2f | %.2f |\n", a.name().c_str(), prepared, look,
                 1e-6 * static_cast<double>(after - before), one.pair / two.pair, one.solve / two.solve, one.plain / two.plain);
@@ -362,13 +361,14 @@ void add_noise(pairs::Image8& f, std::uint64_t seed) {
 void print_mask_cost(const pairs::PairMaker& maker, const apso::PyramidOptions& half, const std::vector<double>& shares, int views,
                      const std::vector<double>& motions) {
   std::printf("\n### What a mask costs, pairs right with and without it\n\n| masked | error over that without bodies, geometric mean | "
-              "the same expected from the covariance | pairs whose images share less than a fifth of what is not masked |\n"
-              "|---|---|---|---|\n");
+              "the same expected from the covariance | pairs whose images share less than a fifth of what is not masked | too few pixels with depth (`min_pixels`) |\n"
+              "|---|---|---|---|---|\n");
   Apso a("", "", half, apso::AlignmentOptions{}, true);
   a.camera(maker.camera());
   struct Result {
     bool right;
-    double error, sigma, common;
+    double error, sigma;
+    apso::AlignmentResult at_truth;
   };
   const auto solve = [&](const Pair& p) {
     a.prepare_reference(p.reference);
@@ -381,12 +381,12 @@ void print_mask_cost(const pairs::PairMaker& maker, const apso::PyramidOptions& 
     const Limits limits;
     r.right = 1e3 * r.error < limits.mm && apso::rotation_angle(e) < limits.degrees * kDegree && apso::succeeded(a.last.status);
     r.sigma = std::sqrt(C(0, 0) + C(1, 1) + C(2, 2));
-    r.common = a.look(p.T_current_reference);
+    r.at_truth = a.look(p.T_current_reference);
     return r;
   };
   struct Row {
     double error = 0, sigma = 0;  // sums of logarithms
-    int n = 0, apart = 0, all = 0;
+    int n = 0, apart = 0, nothing = 0, all = 0;
   };
   std::vector<Row> rows(shares.size());
   for (int v = 0; v < views; ++v) {
@@ -398,7 +398,8 @@ void print_mask_cost(const pairs::PairMaker& maker, const apso::PyramidOptions& 
         const Result with = solve(maker.make(v, step, c));
         Row& row = rows[i];
         ++row.all;
-        row.apart += with.common < 0.2 ? 1 : 0;
+        row.apart += with.at_truth.valid_share < 0.2 ? 1 : 0;
+        row.nothing += with.at_truth.counts.valid_depth < apso::AlignmentOptions{}.min_pixels ? 1 : 0;
         if (!with.right || !without.right) continue;
         ++row.n;
         row.error += std::log(with.error / without.error);
@@ -410,7 +411,7 @@ void print_mask_cost(const pairs::PairMaker& maker, const apso::PyramidOptions& 
     const Row& r = rows[i];
     char ratios[48] = "- | -";
     if (r.n > 0) std::snprintf(ratios, sizeof ratios, "%.2f | %.2f", std::exp(r.error / r.n), std::exp(r.sigma / r.n));
-    std::printf("| %.0f %% | %s | %d of %d |\n", 100 * shares[i], ratios, r.apart, r.all);
+    std::printf("| %.0f %% | %s | %d of %d | %d of %d |\n", 100 * shares[i], ratios, r.apart, r.all, r.nothing, r.all);
   }
   std::fflush(stdout);
 }
