@@ -23,15 +23,17 @@ struct CornerMatch {
   float pixel;           ///< of the level it was found at, as a tangent: 1 / fx
 };
 
-/// Matches corners. Those of the reference (Shi and Tomasi, CVPR 1994), one per cell so that they cover the view, are looked
-/// for at every place of the current image that has texture in two directions: the best corner of a cell is too often the best
-/// of no cell in the other image. Matched are pairs of which each is the other's best by normalised correlation; where in the
-/// current image follows to a fraction of a pixel from the correlations beside it. Keeps its buffers.
+/// Matches corners. Those of the reference (Shi and Tomasi, CVPR 1994), one per cell so that they cover the view, are
+/// looked for at every place of the current image that has texture in two directions: the best corner of a cell is too
+/// often the best of no cell in the other image. Matched are pairs of which each is the other's best by normalised
+/// correlation; where in the current image follows to a fraction of a pixel from the correlations beside it. Keeps its
+/// buffers.
 class CornerMatcher {
  public:
   /// Adds the matches of one level of both frames. Where there are few corners the cells are smaller.
   /// \return corners of the reference, of usual cells
-  std::size_t operator()(const PyramidLevel& reference, const PyramidLevel& current, std::vector<CornerMatch>& matches) {
+  std::size_t operator()(const PyramidLevel& reference, const PyramidLevel& current,
+                         std::vector<CornerMatch>& matches) {
     describe(reference, Take::Best, kCell, reference_);
     const std::size_t usual = reference_.size();
     if (usual < kWanted) describe(reference, Take::Best, kCellFew, reference_);
@@ -44,7 +46,8 @@ class CornerMatcher {
       const Place& from = reference_.places[i];
       const Place& to = current_.places[j];
       const std::array<float, 2> beside = peak(i, current, to);
-      matches.push_back({point(reference, from, {0, 0}), point(current, to, beside), 1.0F / static_cast<float>(current.camera.fx)});
+      matches.push_back(
+          {point(reference, from, {0, 0}), point(current, to, beside), 1.0F / static_cast<float>(current.camera.fx)});
     }
     return usual;
   }
@@ -66,7 +69,9 @@ class CornerMatcher {
     std::vector<Place> places;
     std::vector<float> patches;  // kLanes of them at a time, pixel by pixel, the rest 0
     [[nodiscard]] std::size_t size() const { return places.size(); }
-    [[nodiscard]] const float* patch(std::size_t i) const { return patches.data() + i / kLanes * kPatch * kLanes + i % kLanes; }
+    [[nodiscard]] const float* patch(std::size_t i) const {
+      return patches.data() + i / kLanes * kPatch * kLanes + i % kLanes;
+    }
   };
 
   // The best corner of each cell, or all its pixels that could be one.
@@ -119,7 +124,8 @@ class CornerMatcher {
   // The patch around a place, of mean 0 and length 1, without what is masked.
   // \return whether enough of it is inside the image and not masked
   static bool cut(const PyramidLevel& level, Place at, std::array<float, kPatch>& patch) {
-    if (at.x < kHalf || at.y < kHalf || at.x + kHalf > level.intensity.width() || at.y + kHalf > level.intensity.height()) {
+    if (at.x < kHalf || at.y < kHalf || at.x + kHalf > level.intensity.width() ||
+        at.y + kHalf > level.intensity.height()) {
       return false;
     }
     std::array<float, kPatch> seen;
@@ -207,7 +213,8 @@ class CornerMatcher {
     }
   }
 
-  // How far from a place a corner of the reference correlates most: the top of a parabola through neighbours in x, and in y [px].
+  // How far from a place a corner of the reference correlates most: the top of a parabola through neighbours in x, and
+  // in y [px].
   [[nodiscard]] std::array<float, 2> peak(std::size_t of_reference, const PyramidLevel& current, Place at) const {
     const float* a = reference_.patch(of_reference);
     const auto correlation = [&](int x, int y) {

@@ -22,13 +22,14 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Guesses rigid motions between two frames: those through three matches of corners each that keep their distances, judged by
-/// how many other matches they bring together (RANSAC, Fischler and Bolles, 1981), each refined on those. The second and third
-/// match are drawn from those that keep their distance to the first, so that a few right ones among many wrong ones are
-/// found. Deterministic; keeps its buffers.
+/// Guesses rigid motions between two frames: those through three matches of corners each that keep their distances,
+/// judged by how many other matches they bring together (RANSAC, Fischler and Bolles, 1981), each refined on those. The
+/// second and third match are drawn from those that keep their distance to the first, so that a few right ones among
+/// many wrong ones are found. Deterministic; keeps its buffers.
 class CornerSearch {
  public:
-  /// \param halvings of the full size at which corners are looked for, about 160 x 120 pixels; those of the next finer level
+  /// \param halvings of the full size at which corners are looked for, about 160 x 120 pixels; those of the next finer
+  /// level
   ///        are added if a mask leaves few
   /// \param T_current_reference receives guesses, the one with the most matches first, none twice; may stay empty
   void operator()(const FramePyramid& reference, const FramePyramid& current, int halvings,
@@ -60,7 +61,8 @@ class CornerSearch {
                      guesses_.end());
       if (T_current_reference.size() == 1) {
         // nearly all triples are of the motion that most matches share; as many are drawn from the rest
-        pool_.erase(std::remove_if(pool_.begin(), pool_.end(), [&](std::size_t i) { return taken_[i] > 0; }), pool_.end());
+        pool_.erase(std::remove_if(pool_.begin(), pool_.end(), [&](std::size_t i) { return taken_[i] > 0; }),
+                    pool_.end());
         draw(random);
       }
     }
@@ -78,8 +80,8 @@ class CornerSearch {
     std::size_t inliers;
   };
 
-  // Largest distances in depth [m] of what a motion brings together, and across the ray as a tangent: noise, and a little more,
-  // but less than what moves between two frames.
+  // Largest distances in depth [m] of what a motion brings together, and across the ray as a tangent: noise, and a
+  // little more, but less than what moves between two frames.
   static float along(float z) { return 0.006F + 0.001F * z * z; }
   static float across(const CornerMatch& m) { return 0.7F * m.pixel; }
 
@@ -111,7 +113,8 @@ class CornerSearch {
   }
 
   // How many matches of weight 1 a motion brings together, and which of all.
-  std::size_t count_agreeing(const Pose& T_current_reference, const std::vector<float>& weight, std::vector<float>* which = nullptr) const {
+  std::size_t count_agreeing(const Pose& T_current_reference, const std::vector<float>& weight,
+                             std::vector<float>* which = nullptr) const {
     const FloatPose T(T_current_reference);
     if (which != nullptr) which->resize(all_.size());
     Lanes n = 0.0F;
@@ -159,7 +162,9 @@ class CornerSearch {
     if (pool_.size() < kLeast) return;
     in_pool_.assign(matches_.size(), 0);
     for (const std::size_t i : pool_) in_pool_[i] = 1;
-    const auto below = [&](std::size_t n) { return static_cast<std::size_t>((static_cast<std::uint64_t>(random()) * n) >> 32U); };
+    const auto below = [&](std::size_t n) {
+      return static_cast<std::size_t>((static_cast<std::uint64_t>(random()) * n) >> 32U);
+    };
     const std::size_t enough = guesses_.size() + kEnough;
     for (int trial = 0; trial < kTrials && guesses_.size() < enough; ++trial) {
       const std::size_t a = pool_[below(pool_.size())];
@@ -193,7 +198,8 @@ class CornerSearch {
     return is_finite(T);
   }
   // Orthonormal axes in the columns: along a b, across it towards c, and perpendicular to both.
-  [[nodiscard]] static bool span(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c, Eigen::Matrix3d& out) {
+  [[nodiscard]] static bool span(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c,
+                                 Eigen::Matrix3d& out) {
     Eigen::Vector3f x = minus(b, a);
     x = times(1.0F / norm(x), x);
     Eigen::Vector3f z = cross(x, minus(c, a));
@@ -225,7 +231,9 @@ class CornerSearch {
       for (int r = 0; r < 3; ++r) {
         const double inverse_sigma = 1 / static_cast<double>(r < 2 ? across(m) : along(m.q.z()));
         const double tangent = x[r] / x[2];
-        const double e = (r < 2 ? tangent - static_cast<double>(m.q(r) / m.q.z()) : x[2] - static_cast<double>(m.q.z())) * inverse_sigma;
+        const double e =
+            (r < 2 ? tangent - static_cast<double>(m.q(r) / m.q.z()) : x[2] - static_cast<double>(m.q.z())) *
+            inverse_sigma;
         double J[6];
         for (int k = 0; k < 6; ++k) {
           J[k] = (r < 2 ? (moved[r][k] - tangent * moved[2][k]) / x[2] : moved[2][k]) * inverse_sigma;
@@ -243,7 +251,8 @@ class CornerSearch {
   CornerMatcher match_;
   std::vector<CornerMatch> matches_;
   std::vector<float> laid_out_;
-  std::vector<float> all_, taken_;  // 1 for each match, for each that the last motion looked at brings together; 0 beyond
+  std::vector<float> all_,
+      taken_;  // 1 for each match, for each that the last motion looked at brings together; 0 beyond
   std::vector<std::size_t> beside_, first_beside_;
   std::vector<std::size_t> pool_;  // matches to draw from
   std::vector<char> in_pool_;
