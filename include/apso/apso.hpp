@@ -72,6 +72,7 @@
 #include <apso/refinement/alignment_cost.hpp>
 #include <apso/refinement/alignment_options.hpp>
 #include <apso/refinement/alignment_result.hpp>
+#include <apso/refinement/corner_matching.hpp>
 #include <apso/refinement/corner_search.hpp>
 #include <apso/refinement/direct_alignment.hpp>
 #include <apso/refinement/direct_confidence.hpp>
