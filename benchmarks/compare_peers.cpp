@@ -361,7 +361,8 @@ void add_noise(pairs::Image8& f, std::uint64_t seed) {
 void print_mask_cost(const pairs::PairMaker& maker, const apso::PyramidOptions& half, const std::vector<double>& shares, int views,
                      const std::vector<double>& motions) {
   std::printf("\n### What a mask costs, pairs right with and without it\n\n| masked | error over that without bodies, geometric mean | "
-              "the same expected from the covariance | pairs whose images share less than a fifth of what is not masked | too few pixels with depth (`min_pixels`) |\n"
+              "the same expected from the covariance | pairs whose images share less than a fifth of what is not masked | "
+              "too few pixels with depth (`min_pixels`) |\n"
               "|---|---|---|---|---|\n");
   Apso a("", "", half, apso::AlignmentOptions{}, true);
   a.camera(maker.camera());

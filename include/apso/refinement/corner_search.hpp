@@ -45,6 +45,7 @@ class CornerSearch {
     connect();
     guesses_.clear();
     LinearCongruential random(1);
+    taken_.assign(all_.size(), 0.0F);
     pool_.clear();
     for (std::size_t i = 0; i < matches_.size(); ++i) pool_.push_back(i);
     draw(random);
@@ -124,7 +125,7 @@ class CornerSearch {
       const Lanes x = field(kX), y = field(kY), z = field(kZ);
       const auto row = [&](int r) { return T.R[r][0] * x + T.R[r][1] * y + T.R[r][2] * z + T.t[r]; };
       const Lanes depth = row(2);
-      // in pixels, times the depth: nothing is divided by what may be 0
+      // tangents, times the depth: nothing is divided by what may be 0
       const Lanes du = row(0) - field(kU) * depth;
       const Lanes dv = row(1) - field(kV) * depth;
       const Lanes dw = (depth - field(kW)) * field(kInverseAlong);
@@ -160,8 +161,6 @@ class CornerSearch {
   // Adds motions through three matches of the pool each.
   void draw(LinearCongruential& random) {
     if (pool_.size() < kLeast) return;
-    in_pool_.assign(matches_.size(), 0);
-    for (const std::size_t i : pool_) in_pool_[i] = 1;
     const auto below = [&](std::size_t n) {
       return static_cast<std::size_t>((static_cast<std::uint64_t>(random()) * n) >> 32U);
     };
@@ -172,7 +171,7 @@ class CornerSearch {
       if (n < 2) continue;
       const std::size_t b = beside_[first_beside_[a] + below(n)];
       const std::size_t c = beside_[first_beside_[a] + below(n)];
-      if (in_pool_[b] == 0 || in_pool_[c] == 0 || !keep_distance(matches_[b], matches_[c])) continue;
+      if (taken_[b] > 0 || taken_[c] > 0 || !keep_distance(matches_[b], matches_[c])) continue;
       Pose T;
       if (!through(matches_[a], matches_[b], matches_[c], T)) continue;
       const std::size_t inliers = count_agreeing(T, all_);
@@ -251,11 +250,10 @@ class CornerSearch {
   CornerMatcher match_;
   std::vector<CornerMatch> matches_;
   std::vector<float> laid_out_;
-  std::vector<float> all_,
-      taken_;  // 1 for each match, for each that the last motion looked at brings together; 0 beyond
+  std::vector<float> all_;    // 1 for each match, 0 for what fills up the last lanes
+  std::vector<float> taken_;  // 1 for each match that the last motion looked at brings together
   std::vector<std::size_t> beside_, first_beside_;
-  std::vector<std::size_t> pool_;  // matches to draw from
-  std::vector<char> in_pool_;
+  std::vector<std::size_t> pool_;  // matches to draw from: those that are not taken
   std::vector<Guess> guesses_;
 };
 
