@@ -79,6 +79,7 @@
 #include <apso/refinement/illumination.hpp>
 #include <apso/refinement/noise_model.hpp>
 #include <apso/refinement/normal_equations.hpp>
+#include <apso/refinement/orientation_search.hpp>
 #include <apso/refinement/pixel_list.hpp>
 #include <apso/refinement/plane.hpp>
 #include <apso/refinement/pose_blend.hpp>
@@ -88,6 +89,7 @@
 #include <apso/refinement/region_labels.hpp>
 #include <apso/refinement/residuals.hpp>
 #include <apso/refinement/rotation_search.hpp>
+#include <apso/refinement/start_search.hpp>
 #include <apso/status.hpp>
 #include <apso/traits/byte_image.hpp>
 #include <apso/traits/camera.hpp>

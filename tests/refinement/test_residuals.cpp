@@ -143,7 +143,7 @@ TEST_CASE("the fused pass sums what a plain loop in double sums, for every kerne
       NoiseOptions noise;
       noise.form = form;
       const Warper warp(current.level(0), T, {1.02F, -.01F}, {}, noise, 1.0F, 1.0F);
-      TileSummer summer(warp, kernel, scales);
+      TileSummer summer(warp, kernel, scales), cost_alone(warp, kernel, scales);
       NormalEquations sum, plain;
       double cost = 0, weight = 0, plain_cost = 0, plain_weight = 0;
       int plain_valid = 0;
@@ -153,7 +153,14 @@ TEST_CASE("the fused pass sums what a plain loop in double sums, for every kerne
         sum += s.equations();
         cost += static_cast<double>(s.cost);
         weight += static_cast<double>(s.weight);
+        TileSums alone{};
+        cost_alone.cost(list, tile, alone);
+        CHECK(alone.cost == doctest::Approx(s.cost).epsilon(1e-5));
+        CHECK(alone.weight == doctest::Approx(s.weight).epsilon(1e-5));
+        CHECK(alone.lost == doctest::Approx(s.lost).epsilon(1e-5));
       }
+      CHECK(cost_alone.counts().valid == summer.counts().valid);
+      CHECK(cost_alone.counts().selected == summer.counts().selected);
       for_pixels(list, warp, [&](const WarpedLanes& o, int i) {
         const Eigen::Vector3d X(lane(o.X[0], i), lane(o.X[1], i), lane(o.X[2], i));
         const double a2 = scales.alpha * scales.alpha;

@@ -126,22 +126,19 @@ class AlignmentCost {
     return weight > 0 && sum > 0 ? sum / weight : 1.0;
   }
 
-  /// One pass over all pixels: the sums of every `step`-th tile.
+  /// One pass over all pixels: the sums that costs and equations are made of.
   template <class Executor>
-  void sum(const Pose& T_camera_world, Buffer buffer, const Executor& executor, int step = 1) {
-    executor(static_cast<int>(parts_.size()), [&](int i) {
-      Part& p = parts_[static_cast<std::size_t>(i)];
-      Term& t = terms_[static_cast<std::size_t>(p.term)];
-      const PixelList& list = level_of(t, level_).pixels;
-      TileSummer summer(warper(t, T_camera_world), kernel_, t.scales);
-      for (int k = (p.begin + step - 1) / step * step; k < p.end; k += step) {
-        const auto n = static_cast<std::size_t>(k);
-        summer(list, list.tiles[n], t.sums[buffer][n]);
-      }
-      p.counts = summer.counts();
+  void sum(const Pose& T_camera_world, Buffer buffer, const Executor& executor) {
+    pass(T_camera_world, buffer, executor, 1, [](TileSummer& summer, const PixelList& list, const PixelList::Tile& tile, TileSums& out) {
+      summer(list, tile, out);
     });
-    for (std::size_t k = 0; k < used_; ++k) terms_[k].counts[buffer] = WarpCounts{};
-    for (const Part& p : parts_) terms_[static_cast<std::size_t>(p.term)].counts[buffer] += p.counts;
+  }
+  /// The same of every `step`-th tile, for costs alone.
+  template <class Executor>
+  void sum_cost(const Pose& T_camera_world, Buffer buffer, const Executor& executor, int step = 1) {
+    pass(T_camera_world, buffer, executor, step, [](TileSummer& summer, const PixelList& list, const PixelList::Tile& tile, TileSums& out) {
+      summer.cost(list, tile, out);
+    });
   }
   /// What was on trial is accepted.
   void accept_trial() {
@@ -294,10 +291,16 @@ class AlignmentCost {
   [[nodiscard]] Evidence evidence(int level, const Pose& T_camera_world, const Executor& executor) {
     enter(level);
     estimate_scales(T_camera_world, options_.scale_samples, 0, executor);  // for the brightness
+    return evidence_as_lit(level, T_camera_world, executor);
+  }
+  /// The same with the brightness as it was estimated last: faster.
+  template <class Executor>
+  [[nodiscard]] Evidence evidence_as_lit(int level, const Pose& T_camera_world, const Executor& executor) {
+    enter(level);
     set_scales(0.5);
     kernel_.kind = KernelKind::GemanMcClure;
     kernel_.k = 2.0;
-    sum(T_camera_world, kTrial, executor);
+    sum_cost(T_camera_world, kTrial, executor);
     const double outlier = 0.5 * kernel_.k * kernel_.k;
     double against = 0;
     double seen = 0;
@@ -399,6 +402,24 @@ class AlignmentCost {
       for (const std::uint32_t i : picked) values.push_back(all[i]);
     }
   };
+
+  // of_tile(summer, list, tile, out) for every `step`-th tile, and what became of the pixels.
+  template <class Executor, class OfTile>
+  void pass(const Pose& T_camera_world, Buffer buffer, const Executor& executor, int step, const OfTile& of_tile) {
+    executor(static_cast<int>(parts_.size()), [&](int i) {
+      Part& p = parts_[static_cast<std::size_t>(i)];
+      Term& t = terms_[static_cast<std::size_t>(p.term)];
+      const PixelList& list = level_of(t, level_).pixels;
+      TileSummer summer(warper(t, T_camera_world), kernel_, t.scales);
+      for (int k = (p.begin + step - 1) / step * step; k < p.end; k += step) {
+        const auto n = static_cast<std::size_t>(k);
+        of_tile(summer, list, list.tiles[n], t.sums[buffer][n]);
+      }
+      p.counts = summer.counts();
+    });
+    for (std::size_t k = 0; k < used_; ++k) terms_[k].counts[buffer] = WarpCounts{};
+    for (const Part& p : parts_) terms_[static_cast<std::size_t>(p.term)].counts[buffer] += p.counts;
+  }
 
   // Residuals and intensities of about `most` pixels.
   template <class Executor>

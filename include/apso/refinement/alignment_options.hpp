@@ -57,7 +57,7 @@ struct AlignmentOptions {
   bool prealign_rotation = true;           ///< photometric rotation-only search at the coarsest level
   int prealign_iterations = 15;
   double search_contradicted = 0.12;       ///< when images of about 80x60 contradict the pose in a larger share of what both show,
-                                           ///< poses guessed from corners are tried as well; 1 = never
+                                           ///< poses guessed from corners and surfaces are tried as well; 1 = never
   double search_masked = 0;                ///< the same for frames that are mostly masked; 0 = always
   bool check_against_guess = true;         ///< Diverged if the result is pixels away from the guess and explains the images worse
   bool per_reference_mean = false;         ///< divide each reference's term by its number of pixels

@@ -69,7 +69,33 @@ class CornerSearch {
     }
   }
 
+  /// Motions of given rotations that bring together the two corners of one match each: a single right match will do.
+  /// Of the matches that were found last.
+  /// \param around,reach middle and radius of the translations of interest [m]
+  /// \param apart least distance of two translations of one rotation [m]
+  /// \param T_current_reference receives them
+  void with_rotations(const std::vector<Eigen::Matrix3d>& R_current_reference, const Eigen::Vector3d& around, double reach,
+                      double apart, std::vector<Pose>& T_current_reference) const {
+    T_current_reference.clear();
+    for (const Eigen::Matrix3d& R : R_current_reference) {
+      const auto first = static_cast<std::ptrdiff_t>(T_current_reference.size());
+      for (const CornerMatch& m : matches_) {
+        const Eigen::Vector3d t = minus(as_double(m.q), times(R, as_double(m.p)));
+        const auto near = [&](const Pose& T) { return squared_norm(minus(t, translation(T))) < apart * apart; };
+        if (squared_norm(minus(t, around)) > reach * reach ||
+            std::any_of(T_current_reference.begin() + first, T_current_reference.end(), near)) {
+          continue;
+        }
+        T_current_reference.push_back(make_pose(R, t));
+      }
+    }
+  }
+
  private:
+  static Eigen::Vector3d as_double(const Eigen::Vector3f& v) {
+    return {static_cast<double>(v.x()), static_cast<double>(v.y()), static_cast<double>(v.z())};
+  }
+
   static constexpr std::size_t kFew = 100;      // corners of the reference
   static constexpr std::size_t kLeast = 4;      // matches that a guess brings together
   static constexpr std::size_t kEnough = 1000;  // motions to choose from

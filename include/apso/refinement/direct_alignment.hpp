@@ -23,10 +23,10 @@
 #include <apso/refinement/alignment_cost.hpp>
 #include <apso/refinement/alignment_options.hpp>
 #include <apso/refinement/alignment_result.hpp>
-#include <apso/refinement/corner_search.hpp>
 #include <apso/refinement/normal_equations.hpp>
 #include <apso/refinement/pyramid.hpp>
 #include <apso/refinement/rotation_search.hpp>
+#include <apso/refinement/start_search.hpp>
 #include <apso/status.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -149,33 +149,19 @@ class DirectAligner {
     return bound < 1 && (!(bound > 0) || cost_.evidence(level, T, executor).contradicted >= bound);
   }
 
-  // When images of about 80x60 contradict the pose that was found, or masks leave little of them: the initial guess, which the
-  // smaller images may have led astray, and poses guessed from corners are solved one level finer, where a body that moves and the
-  // room behind it are still told apart, and the pose that explains most is taken.
+  // When images of about 80x60 contradict the pose that was found, or masks leave little of them: the most promising of other
+  // starts are solved one level finer, where a body that moves and the room behind it are still told apart, and the pose that
+  // explains most is taken.
   // Such a start is worth little in the directions that few pixels tell about, so that what they tell is taken sooner.
   template <class Executor>
   Pose try_other_starts(int finer, const Pose& T_found, Origin& origin, AlignmentResult& result, const Executor& executor) {
-    corner_search_(cost_.first_reference(), cost_.current(), cost_.halvings(finer), guesses_);
-    // the most promising are solved; half a pixel from the pose that was found is the same
-    const Pose T_reference_world = inverse(cost_.first_T_world_reference());
-    const double focal = cost_.current(finer).camera.fx;
-    cost_.enter(finer);
-    const double depth = cost_.typical_depth();
-    starts_.assign(1, {T_found, std::numeric_limits<double>::infinity()});
-    const auto consider = [&](const Pose& T) {
-      const Twist e = se3_log(compose(T, inverse(T_found)));
-      if (focal * std::max(translation_norm(e) / depth, rotation_norm(e)) <= 0.5) return;
-      starts_.push_back({T, cost_.evidence(finer, T, executor).support});
-    };
-    consider(origin.T_kept);
-    for (const Pose& T_current_reference : guesses_) consider(normalized(compose(T_current_reference, T_reference_world)));
-    std::sort(starts_.begin(), starts_.end(), [](const Start& a, const Start& b) { return a.support > b.support; });
+    const std::vector<Start>& starts = start_search_(cost_, finer, T_found, origin.T_kept, executor);
     // where little is left to go by, poses differ by what finer images show
     const int judged = cost_.mostly_masked() ? std::max(0, finer - 1) : finer;
     Pose best = T_found;
     double most = -std::numeric_limits<double>::infinity();
-    for (std::size_t i = 0; i < std::min<std::size_t>(starts_.size(), kSolved); ++i) {
-      const Pose& T_start = starts_[i].T;
+    for (std::size_t i = 0; i < std::min<std::size_t>(starts.size(), kSolved); ++i) {
+      const Pose& T_start = starts[i].T_camera_world;
       const bool other = i > 0;  // the first is the pose that was found
       const double ratio = (other ? 0.1 : 1.0) * options().degenerate_ratio;
       Pose T = T_start;
@@ -200,7 +186,7 @@ class DirectAligner {
     cost_.enter(level);
     cost_.set_scales(1.0);
     const auto consider = [&](const Pose& T_camera_world, int index) {
-      cost_.sum(T_camera_world, kTrial, executor);
+      cost_.sum_cost(T_camera_world, kTrial, executor);
       const double c = cost_.mean(kTrial);
       if (c < best) {
         best = c;
@@ -392,8 +378,8 @@ class DirectAligner {
     }
     if (options().check_against_guess) {
       constexpr int kStep = 8;  // an eighth of the pixels will do
-      cost_.sum(T, kAccepted, executor, kStep);  // once more, by the scales of now
-      cost_.sum(T_guess, kTrial, executor, kStep);
+      cost_.sum_cost(T, kAccepted, executor, kStep);  // once more, by the scales of now
+      cost_.sum_cost(T_guess, kTrial, executor, kStep);
       // Within the reach of a few pixels the two costs differ by noise and by what the references disagree on: a good
       // guess may well come out ahead there, and the result is no worse for it.
       const bool far = norm(scaled_to(T_guess)) * cost_.current(0).camera.fx > 3;
@@ -421,14 +407,9 @@ class DirectAligner {
 
   AlignmentCost cost_;
   RotationSearch rotation_search_;
-  CornerSearch corner_search_;
-  static constexpr std::size_t kSolved = 4;  // starts that are solved
-  struct Start {
-    Pose T;
-    double support;
-  };
-  std::vector<Pose> one_, guesses_;
-  std::vector<Start> starts_;
+  StartSearch start_search_;
+  static constexpr std::size_t kSolved = 6;  // most starts that are solved
+  std::vector<Pose> one_;
 };
 
 APSO_NAMESPACE_END

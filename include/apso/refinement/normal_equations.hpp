@@ -124,7 +124,7 @@ class TileSummer {
     Sums s;
     for (int b = tile.begin; b < tile.end;) {
       const int end = std::min(tile.end, b + kChunk);
-      first(list, b, end, s);
+      first<true>(list, b, end, s);
       second(list, b, end, s);
       b = end;
     }
@@ -133,10 +133,13 @@ class TileSummer {
     for (int i = 0; i < 6; ++i) out.ww[i] = s.ww[i].sum();
     for (int i = 0; i < 3; ++i) out.v[i] = s.v[i].sum();
     for (int i = 0; i < 3; ++i) out.w[i] = s.w[i].sum();
-    out.cost = s.cost.sum();
-    out.weight = s.weight.sum();
-    out.lost = s.lost.sum();
-    counted_.selected += tile.count;
+    take_cost(s, tile, out);
+  }
+  /// The cost alone, faster; the equations are left as they are.
+  void cost(const PixelList& list, const PixelList::Tile& tile, TileSums& out) {
+    Sums s;
+    first<false>(list, tile.begin, tile.end, s);
+    take_cost(s, tile, out);
   }
 
   /// What became of the pixels of all tiles so far.
@@ -170,12 +173,20 @@ class TileSummer {
     }
   };
 
+  void take_cost(const Sums& s, const PixelList::Tile& tile, TileSums& out) {
+    out.cost = s.cost.sum();
+    out.weight = s.weight.sum();
+    out.lost = s.lost.sum();
+    counted_.selected += tile.count;
+  }
+
   // Warp, weights, cost, M and f. The work is in two loops because all its sums do not fit into the registers.
+  template <bool kEquations>
   APSO_INLINE void first(const PixelList& list, int begin, int end, Sums& s) {
     float* m = buffer_;
     for (int b = begin; b < end; ++b) {
       const float* block = list.block(b);
-      for (int at = 0; at < PixelList::kBlock; at += kLanes, m += 9 * kLanes) {
+      for (int at = 0; at < PixelList::kBlock; at += kLanes) {
         WarpedLanes o;
         warper_.warp(block, at, o);
         const Lanes i2 = o.residual_intensity * o.residual_intensity * o.inverse_intensity * scale_intensity_;
@@ -202,6 +213,7 @@ class TileSummer {
         occluded_ = occluded_ + o.occluded;
         disoccluded_ = disoccluded_ + o.disoccluded;
         masked_ = masked_ + o.masked;
+        if constexpr (!kEquations) continue;
         const Lanes qi = o.weight_intensity * wi * o.inverse_intensity * factor_intensity_;
         const Lanes qd = o.weight_depth * wd * o.inverse_depth * factor_depth_;
         const Lanes pi0 = qi * o.I[0], pi1 = qi * o.I[1], pi2 = qi * o.I[2];
@@ -215,6 +227,7 @@ class TileSummer {
         (pi0 * o.residual_intensity + pd0 * o.residual_depth).store(m + 6 * kLanes);
         (pi1 * o.residual_intensity + pd1 * o.residual_depth).store(m + 7 * kLanes);
         (pi2 * o.residual_intensity + pd2 * o.residual_depth).store(m + 8 * kLanes);
+        m += 9 * kLanes;
       }
     }
   }
