@@ -49,7 +49,7 @@ class OrientationSearch {
       }
     }
     double most = 0;
-    while (R_current_reference.size() < kMost && !guesses_.empty()) {
+    for (int tried = 0; tried < kMost && !guesses_.empty(); ++tried) {
       const auto best = std::max_element(guesses_.begin(), guesses_.end(),
                                          [](const Guess& a, const Guess& b) { return a.agreement < b.agreement; });
       most = std::max(most, best->agreement);
@@ -58,6 +58,11 @@ class OrientationSearch {
       guesses_.erase(std::remove_if(guesses_.begin(), guesses_.end(), [&](const Guess& g) { return angle(g.R, R) < kApart; }),
                      guesses_.end());
       for (int i = 0; i < kRefinements; ++i) refine(R);
+      // most of what was apart comes to the same
+      if (std::any_of(R_current_reference.begin(), R_current_reference.end(),
+                      [&](const Eigen::Matrix3d& other) { return angle(R, other) < kSame; })) {
+        continue;
+      }
       R_current_reference.push_back(R);
     }
   }
@@ -67,7 +72,8 @@ class OrientationSearch {
   static constexpr double kStep = 3 * kDegree;   // of the grid [rad]
   static constexpr double kApart = 5 * kDegree;  // least angle between two guesses, before they are refined [rad]
   static constexpr double kLeast = 0.8;          // agreement of a guess, of the best
-  static constexpr std::size_t kMost = 4;
+  static constexpr double kSame = 1 * kDegree;   // the same, refined
+  static constexpr int kMost = 4;
   static constexpr int kRefinements = 6;
   static constexpr int kPixels = 4;       // from one normal to the next
   static constexpr int kRadius = 3;       // of what a normal is taken from [px]
