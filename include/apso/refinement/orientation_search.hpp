@@ -17,13 +17,14 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Guesses how the camera turned from what its depth images show of walls, floors and furniture: their normals keep their
-/// directions, whatever part of them is seen, so that both frames need not share a single pixel. The normals of the current
-/// frame are gathered in a map of directions (extended Gaussian image, Horn, Proc. IEEE 1984), and rotations that bring those of
-/// the reference to where the map is filled are looked for on a grid, then refined. Deterministic; keeps its buffers.
+/// Guesses how the camera turned from what its depth images show of walls, floors and furniture: their normals keep
+/// their directions, whatever part of them is seen, so that both frames need not share a single pixel. The normals of
+/// the current frame are gathered in a map of directions (extended Gaussian image, Horn, Proc. IEEE 1984), and
+/// rotations that bring those of the reference to where the map is filled are looked for on a grid, then refined. A
+/// third of a million look-ups at 160 x 120 pixels. Deterministic; keeps its buffers.
 class OrientationSearch {
  public:
-  /// Largest angle between a guess and the rotation looked around [rad].
+  /// Largest angle between a guess, before it is refined, and the rotation looked around [rad].
   static constexpr double kReach = 13 * 3.14159265358979 / 180;
 
   /// \param reference,current the same level of both frames, about 160 x 120 pixels
@@ -55,8 +56,9 @@ class OrientationSearch {
       most = std::max(most, best->agreement);
       if (!(best->agreement > kLeast * most)) break;
       Eigen::Matrix3d R = best->R;
-      guesses_.erase(std::remove_if(guesses_.begin(), guesses_.end(), [&](const Guess& g) { return angle(g.R, R) < kApart; }),
-                     guesses_.end());
+      guesses_.erase(
+          std::remove_if(guesses_.begin(), guesses_.end(), [&](const Guess& g) { return angle(g.R, R) < kApart; }),
+          guesses_.end());
       for (int i = 0; i < kRefinements; ++i) refine(R);
       // most of what was apart comes to the same
       if (std::any_of(R_current_reference.begin(), R_current_reference.end(),
@@ -79,6 +81,7 @@ class OrientationSearch {
   static constexpr int kRadius = 3;       // of what a normal is taken from [px]
   static constexpr int kSide = 96;        // of the map, cells
   static constexpr float kExtent = 1.3F;  // of the map to each side; 1 is perpendicular to the viewing direction
+  static constexpr float kAway = 0.5F;    // z of directions that face away from the camera beyond the map
   static constexpr float kCone = 0.01F;   // 1 - cosine of the largest angle between directions that agree: 8 degrees
 
   struct Guess {
@@ -115,9 +118,8 @@ class OrientationSearch {
       }
     }
   }
-  // Of the depth along (dx, dy), from pixels on both sides at the same distance from the line across, least squares: what is missing,
-  // or lies on another surface, is left out.
-  // \return whether enough remains
+  // Of the depth along (dx, dy), from pixels on both sides at the same distance from the line across, least squares:
+  // what is missing, or lies on another surface, is left out. \return whether enough remains
   static bool slope(const Plane& depth, int x, int y, int dx, int dy, float& out) {
     float sum = 0;
     int weight = 0;
@@ -142,7 +144,7 @@ class OrientationSearch {
   // Stereographic: directions towards the camera fill the unit disk.
   static float to_cell(float v) { return (v + kExtent) * (0.5F * kSide / kExtent); }
   static const Cell* find(const std::vector<Cell>& map, const Eigen::Vector3f& n) {
-    if (!(n.z() < 0.5F)) return nullptr;
+    if (!(n.z() < kAway)) return nullptr;
     const float x = to_cell(n.x() / (1.0F - n.z()));
     const float y = to_cell(n.y() / (1.0F - n.z()));
     if (!(x >= 0 && y >= 0 && x < kSide && y < kSide)) return nullptr;
@@ -152,6 +154,7 @@ class OrientationSearch {
   void draw_map() {
     map_.assign(static_cast<std::size_t>(kSide) * kSide, Cell{});
     for (const Eigen::Vector3f& n : normals_) {
+      if (!(n.z() < kAway)) continue;
       const float s = 1.0F / (1.0F - n.z());
       const int x0 = static_cast<int>(to_cell(n.x() * s));
       const int y0 = static_cast<int>(to_cell(n.y() * s));

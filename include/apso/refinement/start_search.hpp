@@ -23,9 +23,10 @@ struct Start {
   double support;  ///< AlignmentCost::Evidence; infinite for the pose that was found
 };
 
-/// Gathers starts: the pose that was found, the initial guess, motions through three matches of corners, and motions of which the
-/// directions of surfaces give the rotation and one match of corners the translation. The last kind needs a single right match and
-/// does not fall for a body that moves, which is seldom as large as the walls. Deterministic; keeps its buffers.
+/// Gathers starts: the pose that was found, the initial guess, motions through three matches of corners, and motions of
+/// which the directions of surfaces give the rotation and one match of corners the translation. The last kind needs a
+/// single right match and does not fall for a body that moves, which is seldom as large as the walls. Deterministic;
+/// keeps its buffers.
 class StartSearch {
  public:
   /// \param cost with the frames of the alignment; entered anew
@@ -68,17 +69,21 @@ class StartSearch {
     if (cost.current(level).camera.fx * moved > 0.5) starts_.push_back({T, cost.evidence(level, T, executor).support});
   }
 
-  // There may be hundreds. What remains has the most support in smaller images, and is apart from each other by a pixel of these.
+  // As far from the guess as the turns move the image. There may be hundreds; what remains has the most support in
+  // smaller images, and is apart by a pixel of these.
   template <class Executor>
   void find_by_surfaces(AlignmentCost& cost, int level, const Pose& T_guess, const Executor& executor) {
-    orientation_search_(cost.first_reference().halved(cost.halvings(level)), cost.current(level), rotation(T_guess), rotations_);
-    corner_search_.with_rotations(rotations_, translation(T_guess), OrientationSearch::kReach * depth_, 0.01 * depth_, motions_);
+    orientation_search_(cost.first_reference().halved(cost.halvings(level)), cost.current(level), rotation(T_guess),
+                        rotations_);
+    corner_search_.with_rotations(rotations_, translation(T_guess), OrientationSearch::kReach * depth_, 0.01 * depth_,
+                                  motions_);
     const Pose T_reference_world = inverse(cost.first_T_world_reference());
     const int smaller = std::min(level + 2, cost.levels() - 1);
     (void)cost.evidence(smaller, starts_.front().T_camera_world, executor);  // for the brightness
     trials_.clear();
     for (const Pose& T : motions_) {
-      trials_.push_back({T, cost.evidence_as_lit(smaller, normalized(compose(T, T_reference_world)), executor).support});
+      trials_.push_back(
+          {T, cost.evidence_as_lit(smaller, normalized(compose(T, T_reference_world)), executor).support});
     }
     std::sort(trials_.begin(), trials_.end(), [](const Trial& a, const Trial& b) { return a.support > b.support; });
     motions_.clear();
@@ -94,7 +99,7 @@ class StartSearch {
 
   CornerSearch corner_search_;
   OrientationSearch orientation_search_;
-  double depth_ = 1;  // typical [m]
+  double depth_ = 1;           // typical [m]
   std::vector<Pose> motions_;  // T_current_reference
   std::vector<Eigen::Matrix3d> rotations_;
   std::vector<Start> starts_;
