@@ -291,38 +291,13 @@ class AlignmentCost {
   [[nodiscard]] Evidence evidence(int level, const Pose& T_camera_world, const Executor& executor) {
     enter(level);
     estimate_scales(T_camera_world, options_.scale_samples, 0, executor);  // for the brightness
-    return evidence_as_lit(level, T_camera_world, executor);
+    return weigh(T_camera_world, executor);
   }
   /// The same with the brightness as it was estimated last: faster.
   template <class Executor>
   [[nodiscard]] Evidence evidence_as_lit(int level, const Pose& T_camera_world, const Executor& executor) {
     enter(level);
-    set_scales(0.5);
-    kernel_.kind = KernelKind::GemanMcClure;
-    kernel_.k = 2.0;
-    sum_cost(T_camera_world, kTrial, executor);
-    const double outlier = 0.5 * kernel_.k * kernel_.k;
-    double against = 0;
-    double seen = 0;
-    double all = 0;
-    for (std::size_t k = 0; k < used_; ++k) {
-      const Term& t = terms_[k];
-      const double both = 1 + t.scales.alpha * t.scales.alpha;
-      const double charge = both * kernel_.rho(3.0);
-      for (std::size_t i = 0; i < t.sums[kTrial].size(); ++i) {
-        const TileSums& s = t.sums[kTrial][i];
-        const auto depth = static_cast<double>(level_of(t, level).pixels.tiles[i].depth);
-        const double w = t.level_weight * depth * depth;
-        const double lost = static_cast<double>(s.lost);
-        against += w * std::max(0.0, static_cast<double>(s.cost) - charge * lost) / outlier;
-        seen += w * (static_cast<double>(s.weight) - both * lost);
-        all += w * static_cast<double>(s.weight);
-      }
-    }
-    Evidence e;
-    if (seen > 0) e.contradicted = against / seen;
-    if (all > 0) e.support = (seen - 3 * against) / all;
-    return e;
+    return weigh(T_camera_world, executor);
   }
 
  private:
@@ -402,6 +377,37 @@ class AlignmentCost {
       for (const std::uint32_t i : picked) values.push_back(all[i]);
     }
   };
+
+  // At the level that was entered, with the brightness as it is.
+  template <class Executor>
+  Evidence weigh(const Pose& T_camera_world, const Executor& executor) {
+    set_scales(0.5);
+    kernel_.kind = KernelKind::GemanMcClure;
+    kernel_.k = 2.0;
+    sum_cost(T_camera_world, kTrial, executor);
+    const double outlier = 0.5 * kernel_.k * kernel_.k;
+    double against = 0;
+    double seen = 0;
+    double all = 0;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const Term& t = terms_[k];
+      const double both = 1 + t.scales.alpha * t.scales.alpha;
+      const double charge = both * kernel_.rho(3.0);
+      for (std::size_t i = 0; i < t.sums[kTrial].size(); ++i) {
+        const TileSums& s = t.sums[kTrial][i];
+        const auto depth = static_cast<double>(level_of(t, level_).pixels.tiles[i].depth);
+        const double w = t.level_weight * depth * depth;
+        const double lost = static_cast<double>(s.lost);
+        against += w * std::max(0.0, static_cast<double>(s.cost) - charge * lost) / outlier;
+        seen += w * (static_cast<double>(s.weight) - both * lost);
+        all += w * static_cast<double>(s.weight);
+      }
+    }
+    Evidence e;
+    if (seen > 0) e.contradicted = against / seen;
+    if (all > 0) e.support = (seen - 3 * against) / all;
+    return e;
+  }
 
   // of_tile(summer, list, tile, out) for every `step`-th tile, and what became of the pixels.
   template <class Executor, class OfTile>

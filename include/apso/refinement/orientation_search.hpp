@@ -94,11 +94,7 @@ class OrientationSearch {
   };
 
   static double angle(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
-    double trace = 0;
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) trace += a(i, j) * b(i, j);
-    }
-    return std::acos(std::clamp(0.5 * (trace - 1), -1.0, 1.0));
+    return rotation_angle(make_pose(transposed_times(a, b), Eigen::Vector3d(0, 0, 0)));
   }
 
   // Of planes through the pixels around each, towards the camera.
