@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include <apso/observation/geometric_motion.hpp>
-#include <apso/observation/objects.hpp>
+#include <apso/observation/policies/geometric_motion.hpp>
+#include <apso/observation/objects/object_tracker.hpp>
 #include <apso/testing/synthetic.hpp>
 
 namespace {

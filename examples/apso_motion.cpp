@@ -20,7 +20,7 @@
 #include <apso/evaluation/ate.hpp>
 #include <apso/io/parameters.hpp>
 #include <apso/opencv/feature_tracker.hpp>
-#include <apso/opencv/motion_by_name.hpp>
+#include <apso/opencv/detectors/motion_by_name.hpp>
 #include <apso/version.hpp>
 
 #include "track/frame_source.hpp"

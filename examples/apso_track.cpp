@@ -24,7 +24,7 @@
 #include <apso/observation/soft_weights.hpp>
 #include <apso/opencv/drawing.hpp>
 #include <apso/opencv/feature_tracker.hpp>
-#include <apso/opencv/motion_by_name.hpp>
+#include <apso/opencv/detectors/motion_by_name.hpp>
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/quality/explain.hpp>
 #include <apso/version.hpp>

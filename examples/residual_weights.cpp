@@ -10,7 +10,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include <apso/observation/low_res_alignment.hpp>
+#include <apso/observation/geometry/low_res_alignment.hpp>
 #include <apso/opencv/adapters.hpp>
 #include <apso/refinement/align.hpp>
 #include <apso/testing/synthetic.hpp>

@@ -5,7 +5,7 @@
 
 #include <doctest/doctest.h>
 
-#include <apso/math/robust_kernel.hpp>
+#include <apso/math/kernels.hpp>
 
 using namespace apso;
 

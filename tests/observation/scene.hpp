@@ -9,7 +9,7 @@
 #include <apso/math/se3.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/rgbd_frame.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/track.hpp>
 
 namespace observation_test {

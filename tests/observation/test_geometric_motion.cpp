@@ -7,9 +7,9 @@
 #include <limits>
 #include <vector>
 
-#include <apso/observation/flow_residual.hpp>
-#include <apso/observation/geometric_motion.hpp>
-#include <apso/observation/track_claims.hpp>
+#include <apso/observation/geometry/flow_residual.hpp>
+#include <apso/observation/policies/geometric_motion.hpp>
+#include <apso/observation/geometry/track_claims.hpp>
 
 #include "scene.hpp"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include <apso/observation/objects.hpp>
+#include <apso/observation/objects/object_tracker.hpp>
 
 namespace {
 using namespace apso;

@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-#include <apso/observation/cluster_residual.hpp>
-#include <apso/observation/epipolar_motion.hpp>
-#include <apso/observation/geometric_motion.hpp>
+#include <apso/observation/policies/cluster_residual.hpp>
+#include <apso/observation/policies/epipolar_motion.hpp>
+#include <apso/observation/policies/geometric_motion.hpp>
 #include <apso/observation/motion_policy.hpp>
-#include <apso/observation/multiview_depth.hpp>
-#include <apso/observation/residual_motion.hpp>
+#include <apso/observation/policies/multiview_depth.hpp>
+#include <apso/observation/policies/residual_motion.hpp>
 #include <apso/testing/numeric_jacobian.hpp>
 
 #include "scene.hpp"

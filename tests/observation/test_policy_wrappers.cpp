@@ -6,12 +6,12 @@
 #include <string>
 #include <vector>
 
-#include <apso/observation/depth_refined_mask.hpp>
-#include <apso/observation/mask_propagation.hpp>
+#include <apso/observation/policies/depth_refined_mask.hpp>
+#include <apso/observation/policies/mask_propagation.hpp>
 #include <apso/observation/motion_policy.hpp>
 #include <apso/observation/policy_expression.hpp>
 #include <apso/observation/soft_weights.hpp>
-#include <apso/observation/temporal_filter.hpp>
+#include <apso/observation/policies/temporal_filter.hpp>
 
 #include "scene.hpp"
 

@@ -15,11 +15,11 @@
 
 #include <apso/io/detection_text.hpp>
 #include <apso/observation/motion_policy.hpp>
-#include <apso/opencv/detector_policy.hpp>
-#include <apso/opencv/dnn_detector.hpp>
-#include <apso/opencv/hog_people.hpp>
-#include <apso/opencv/motion_by_name.hpp>
-#include <apso/opencv/precomputed_motion.hpp>
+#include <apso/opencv/detectors/detector_policy.hpp>
+#include <apso/opencv/detectors/dnn_detector.hpp>
+#include <apso/opencv/detectors/hog_people.hpp>
+#include <apso/opencv/detectors/motion_by_name.hpp>
+#include <apso/opencv/detectors/precomputed_motion.hpp>
 #include <apso/testing/synthetic.hpp>
 
 namespace {

@@ -2,8 +2,8 @@
 
 #include <random>
 
-#include <apso/opencv/pose_optimisation.hpp>
-#include <apso/opencv/windowed_adjustment.hpp>
+#include <apso/tracker/pose_optimisation.hpp>
+#include <apso/tracker/windowed_adjustment.hpp>
 
 using namespace apso;
 using namespace apso::opencv;

@@ -10,8 +10,8 @@
 #include <apso/quality/assessor.hpp>
 #include <apso/quality/calibration.hpp>
 #include <apso/quality/explain.hpp>
-#include <apso/quality/sharpness.hpp>
-#include <apso/quality/spread.hpp>
+#include <apso/quality/scores/sharpness.hpp>
+#include <apso/quality/scores/spread.hpp>
 
 using namespace apso;
 using doctest::Approx;

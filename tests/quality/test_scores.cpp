@@ -6,17 +6,17 @@
 #include <type_traits>
 #include <vector>
 
-#include <apso/quality/adaptive_threshold.hpp>
+#include <apso/quality/threshold.hpp>
 #include <apso/quality/change_score.hpp>
-#include <apso/quality/confidence.hpp>
-#include <apso/quality/depth.hpp>
-#include <apso/quality/depth_change.hpp>
-#include <apso/quality/detection_change.hpp>
-#include <apso/quality/feature.hpp>
+#include <apso/quality/scores/confidence.hpp>
+#include <apso/quality/scores/depth.hpp>
+#include <apso/quality/scores/depth_change.hpp>
+#include <apso/quality/scores/detection_change.hpp>
+#include <apso/quality/scores/feature.hpp>
 #include <apso/quality/frame_score.hpp>
-#include <apso/quality/motion_change.hpp>
-#include <apso/quality/scene_decision.hpp>
-#include <apso/quality/spatial.hpp>
+#include <apso/quality/scores/motion_change.hpp>
+#include <apso/quality/decision.hpp>
+#include <apso/quality/scores/spatial.hpp>
 #include <apso/quality/weighted_mean.hpp>
 
 using namespace apso;

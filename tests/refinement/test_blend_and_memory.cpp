@@ -2,7 +2,7 @@
 
 #include <doctest/doctest.h>
 
-#include <apso/refinement/pose_blend.hpp>
+#include <apso/refinement/blend.hpp>
 #include <apso/refinement/reference_memory.hpp>
 
 #include "room.hpp"

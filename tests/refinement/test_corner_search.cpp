@@ -5,9 +5,9 @@
 
 #include <doctest/doctest.h>
 
-#include <apso/refinement/corner_search.hpp>
-#include <apso/refinement/direct_alignment.hpp>
-#include <apso/refinement/pyramid.hpp>
+#include <apso/refinement/start/corner_search.hpp>
+#include <apso/refinement/aligner.hpp>
+#include <apso/refinement/pyramid/pyramid.hpp>
 
 #include "room.hpp"
 

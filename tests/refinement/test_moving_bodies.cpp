@@ -5,7 +5,7 @@
 
 #include <doctest/doctest.h>
 
-#include <apso/refinement/direct_alignment.hpp>
+#include <apso/refinement/aligner.hpp>
 
 #include "../../benchmarks/alignment_pairs.hpp"
 #include "room.hpp"

@@ -5,7 +5,7 @@
 
 #include <doctest/doctest.h>
 
-#include <apso/refinement/pyramid.hpp>
+#include <apso/refinement/pyramid/pyramid.hpp>
 
 #include "room.hpp"
 

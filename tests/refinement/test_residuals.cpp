@@ -4,7 +4,7 @@
 
 #include <doctest/doctest.h>
 
-#include <apso/refinement/normal_equations.hpp>
+#include <apso/refinement/cost/normal_equations.hpp>
 
 #include "room.hpp"
 

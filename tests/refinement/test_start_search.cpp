@@ -5,10 +5,10 @@
 
 #include <doctest/doctest.h>
 
-#include <apso/refinement/alignment_cost.hpp>
-#include <apso/refinement/orientation_search.hpp>
-#include <apso/refinement/pyramid.hpp>
-#include <apso/refinement/start_search.hpp>
+#include <apso/refinement/cost/alignment_cost.hpp>
+#include <apso/refinement/start/orientation_search.hpp>
+#include <apso/refinement/pyramid/pyramid.hpp>
+#include <apso/refinement/start/start_search.hpp>
 
 #include "room.hpp"
 

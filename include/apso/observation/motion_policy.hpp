@@ -25,7 +25,7 @@
 #include <apso/observation/evidence_mask.hpp>
 #include <apso/observation/region_growing.hpp>
 #include <apso/types/detection.hpp>
-#include <apso/types/rgbd_frame.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/track.hpp>
 
 APSO_NAMESPACE_BEGIN

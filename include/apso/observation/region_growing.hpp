@@ -11,7 +11,7 @@
 
 #include <apso/config.hpp>
 #include <apso/types/image_view.hpp>
-#include <apso/types/rgbd_frame.hpp>
+#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 

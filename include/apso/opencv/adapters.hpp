@@ -15,7 +15,7 @@
 #include <apso/traits/keypoint.hpp>
 #include <apso/traits/pose.hpp>
 #include <apso/types/image_view.hpp>
-#include <apso/types/rgbd_frame.hpp>
+#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 

@@ -22,14 +22,14 @@
 #include <apso/opencv/lk_tracker.hpp>
 #include <apso/opencv/local_map.hpp>
 #include <apso/opencv/orb_front_end.hpp>
-#include <apso/opencv/pose_optimisation.hpp>
-#include <apso/opencv/windowed_adjustment.hpp>
+#include <apso/tracker/pose_optimisation.hpp>
+#include <apso/tracker/windowed_adjustment.hpp>
 #include <apso/options.hpp>
 #include <apso/status.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/keypoint.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/rgbd_frame.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/track.hpp>
 
 APSO_NAMESPACE_BEGIN

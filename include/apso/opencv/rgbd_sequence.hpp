@@ -23,7 +23,7 @@
 #include <apso/opencv/cameras.hpp>
 #include <apso/options.hpp>
 #include <apso/types/image_view.hpp>
-#include <apso/types/rgbd_frame.hpp>
+#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 namespace opencv {

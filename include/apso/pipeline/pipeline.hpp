@@ -18,8 +18,8 @@
 #include <apso/executor.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/observation/dynamic_mask.hpp>
-#include <apso/observation/geometric_motion.hpp>
-#include <apso/observation/objects.hpp>
+#include <apso/observation/policies/geometric_motion.hpp>
+#include <apso/observation/objects/object_tracker.hpp>
 #include <apso/options.hpp>
 #include <apso/pipeline/report.hpp>
 #include <apso/quality/assessor.hpp>
@@ -27,7 +27,7 @@
 #include <apso/types/detection.hpp>
 #include <apso/types/keypoint.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/rgbd_frame.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/track.hpp>
 
 APSO_NAMESPACE_BEGIN

@@ -11,26 +11,26 @@
 
 #include <apso/config.hpp>
 #include <apso/options.hpp>
-#include <apso/quality/adaptive_threshold.hpp>
+#include <apso/quality/threshold.hpp>
 #include <apso/quality/benchmark.hpp>
 #include <apso/quality/change_score.hpp>
-#include <apso/quality/confidence.hpp>
-#include <apso/quality/depth.hpp>
-#include <apso/quality/depth_change.hpp>
-#include <apso/quality/detection_change.hpp>
-#include <apso/quality/feature.hpp>
+#include <apso/quality/scores/confidence.hpp>
+#include <apso/quality/scores/depth.hpp>
+#include <apso/quality/scores/depth_change.hpp>
+#include <apso/quality/scores/detection_change.hpp>
+#include <apso/quality/scores/feature.hpp>
 #include <apso/quality/frame_score.hpp>
-#include <apso/quality/motion_change.hpp>
+#include <apso/quality/scores/motion_change.hpp>
 #include <apso/quality/running_window.hpp>
-#include <apso/quality/scene_decision.hpp>
-#include <apso/quality/sharpness.hpp>
-#include <apso/quality/spatial.hpp>
+#include <apso/quality/decision.hpp>
+#include <apso/quality/scores/sharpness.hpp>
+#include <apso/quality/scores/spatial.hpp>
 #include <apso/quality/static_pixel.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/keypoint.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/rgbd_frame.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/score.hpp>
 #include <apso/types/track.hpp>
 

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include <apso/config.hpp>
-#include <apso/quality/depth_change.hpp>
-#include <apso/quality/motion_change.hpp>
+#include <apso/quality/scores/depth_change.hpp>
+#include <apso/quality/scores/motion_change.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/score.hpp>
 #include <apso/types/track.hpp>

@@ -12,10 +12,10 @@
 
 #include <apso/config.hpp>
 #include <apso/quality/change_score.hpp>
-#include <apso/quality/depth_change.hpp>
+#include <apso/quality/scores/depth_change.hpp>
 #include <apso/quality/frame_score.hpp>
-#include <apso/quality/motion_change.hpp>
-#include <apso/quality/scene_decision.hpp>
+#include <apso/quality/scores/motion_change.hpp>
+#include <apso/quality/decision.hpp>
 #include <apso/types/score.hpp>
 
 APSO_NAMESPACE_BEGIN

@@ -10,9 +10,9 @@
 #include <apso/executor.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
-#include <apso/refinement/direct_alignment.hpp>
-#include <apso/refinement/direct_confidence.hpp>
-#include <apso/refinement/pyramid.hpp>
+#include <apso/refinement/aligner.hpp>
+#include <apso/refinement/confidence.hpp>
+#include <apso/refinement/pyramid/pyramid.hpp>
 #include <apso/traits/camera.hpp>
 #include <apso/traits/image.hpp>
 #include <apso/traits/pose.hpp>

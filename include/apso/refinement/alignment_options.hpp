@@ -3,12 +3,12 @@
 #pragma once
 
 #include <apso/config.hpp>
-#include <apso/math/robust_kernel.hpp>
+#include <apso/math/kernels.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/options.hpp>
-#include <apso/refinement/noise_model.hpp>
-#include <apso/refinement/region_labels.hpp>
-#include <apso/refinement/residuals.hpp>
+#include <apso/refinement/cost/noise_model.hpp>
+#include <apso/refinement/cost/region_labels.hpp>
+#include <apso/refinement/cost/residuals.hpp>
 
 APSO_NAMESPACE_BEGIN
 

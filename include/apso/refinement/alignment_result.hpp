@@ -5,8 +5,8 @@
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
-#include <apso/refinement/pyramid.hpp>
-#include <apso/refinement/residuals.hpp>
+#include <apso/refinement/pyramid/pyramid.hpp>
+#include <apso/refinement/cost/residuals.hpp>
 #include <apso/status.hpp>
 
 APSO_NAMESPACE_BEGIN

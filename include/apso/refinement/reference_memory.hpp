@@ -15,9 +15,9 @@
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
-#include <apso/refinement/direct_alignment.hpp>
-#include <apso/refinement/pyramid.hpp>
-#include <apso/types/rgbd_frame.hpp>
+#include <apso/refinement/aligner.hpp>
+#include <apso/refinement/pyramid/pyramid.hpp>
+#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 

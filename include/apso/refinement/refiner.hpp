@@ -11,14 +11,14 @@
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
-#include <apso/refinement/direct_alignment.hpp>
-#include <apso/refinement/direct_confidence.hpp>
-#include <apso/refinement/pose_blend.hpp>
-#include <apso/refinement/pyramid.hpp>
+#include <apso/refinement/aligner.hpp>
+#include <apso/refinement/confidence.hpp>
+#include <apso/refinement/blend.hpp>
+#include <apso/refinement/pyramid/pyramid.hpp>
 #include <apso/refinement/reference_memory.hpp>
 #include <apso/status.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/rgbd_frame.hpp>
+#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 

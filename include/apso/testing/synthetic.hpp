@@ -35,7 +35,7 @@
 #include <apso/testing/synthetic_stress.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/rgbd_frame.hpp>
+#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 namespace testing {

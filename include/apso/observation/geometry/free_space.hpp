@@ -1,0 +1,152 @@
+/// \file
+/// What past views say about a point seen now: a past view saw through the place where the point is (so the point
+/// has come since), saw the same surface there, or could not see it.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/observation/geometry/low_res_depth.hpp>
+#include <apso/types/image_view.hpp>
+#include <apso/types/pinhole.hpp>
+#include <apso/types/frame.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// One past view at low resolution.
+struct DepthReference {
+  double time = 0;                      ///< [s]
+  Pose T_world_camera = Pose::Identity();
+  Image<float> depth;                   ///< [m], 0 invalid
+  Image<std::uint8_t> dynamic;          ///< 1 = was dynamic then
+  DepthLimits limits;                   ///< of depth
+  std::vector<Eigen::Vector3f> normals; ///< of depth, camera frame; zero = none
+};
+
+/// Noise that separates "the same surface" from "in front of it".
+struct FreeSpaceOptions {
+  double tolerance = 0.07;    ///< smallest depth difference that counts [m]
+  double sigmas = 3.5;        ///< ... in standard deviations of the difference of two depths
+  double drift = 0.01;        ///< slack for the error between the two poses, per second between the views [m/s]
+  double drift_limit = 0.05;  ///< largest such slack [m]
+  double settle = 0.6;        ///< age from which a view proves fully that a surface rests [s]; a walking body still
+                              ///< overlaps itself in younger views
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("tolerance", s.tolerance, 1e-4, 10.0);
+    v("sigmas", s.sigmas, 0.0, 100.0);
+    v("drift", s.drift, 0.0, 10.0);
+    v("drift_limit", s.drift_limit, 0.0, 10.0);
+    v("settle", s.settle, 0.0, 60.0);
+  }
+};
+
+/// Evidence per low-resolution pixel, summed over past views.
+struct FreeSpaceEvidence {
+  Image<float> appeared;      ///< views that saw through the point, weighted
+  Image<float> same_static;   ///< views that saw a static surface there, weighted
+  Image<float> same_dynamic;  ///< views that saw a surface there which was dynamic then, weighted
+  void clear(int width, int height) {
+    appeared.assign(width, height, 0.0F);
+    same_static.assign(width, height, 0.0F);
+    same_dynamic.assign(width, height, 0.0F);
+  }
+};
+
+/// How one past view compares with the current one, as shares of the current points that fall on its surfaces.
+struct ViewComparison {
+  int seen = 0;      ///< points that fall on a valid pixel of the past view
+  int same = 0;      ///< ... and agree with a static surface
+  int in_front = 0;  ///< ... and are in space that was free
+  int behind = 0;    ///< ... and are behind a surface that was static
+  double trust = 0;  ///< [0,1]; low when the differences look like a wrong pose
+};
+
+/// Adds what one past view says about the current depth.
+///
+/// A wrong pose puts as many points behind static surfaces as in front of them, a moving object does not: it hides
+/// what is behind it. So the trust in a view falls with the share of points behind its static surfaces.
+/// \param T_world_camera pose of the current view
+/// \param votes scratch, resized to the image
+inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole& camera, const Pose& T_world_camera,
+                                        double time, const DepthReference& reference, const FreeSpaceOptions& options,
+                                        Image<float>& votes, FreeSpaceEvidence& evidence) {
+  enum : int { kSameStatic = -1, kSameDynamic = -2 };
+  const int w = depth.width();
+  const int h = depth.height();
+  votes.resize(w, h);
+  const FloatPose T(compose(inverse(reference.T_world_camera), T_world_camera));
+  const auto fx = static_cast<float>(camera.fx);
+  const auto fy = static_cast<float>(camera.fy);
+  const auto cx = static_cast<float>(camera.cx);
+  const auto cy = static_cast<float>(camera.cy);
+  const float age = static_cast<float>(std::abs(time - reference.time));
+  const float slack = std::min(static_cast<float>(options.drift_limit), static_cast<float>(options.drift) * age);
+  const auto least = static_cast<float>(options.tolerance);
+  const auto sigmas = static_cast<float>(options.sigmas);
+
+  ViewComparison result;
+  const float ifx = 1.0F / fx;
+  for (int y = 0; y < h; ++y) {
+    const float* z = depth.row(y);
+    float* vote = votes.row(y);
+    const Eigen::Vector3f row = T.rotate(-cx * ifx, (static_cast<float>(y) - cy) / fy, 1.0F);
+    for (int x = 0; x < w; ++x) {
+      vote[x] = 0;
+      if (!(z[x] > 0)) continue;
+      const float along = static_cast<float>(x) * ifx;
+      const float px = z[x] * (along * T.R[0][0] + row.x()) + T.t[0];
+      const float py = z[x] * (along * T.R[1][0] + row.y()) + T.t[1];
+      const float pz = z[x] * (along * T.R[2][0] + row.z()) + T.t[2];
+      if (!(pz > 0.05F)) continue;
+      const float iz = 1.0F / pz;
+      const float u = fx * px * iz + cx + 0.5F;
+      const float v = fy * py * iz + cy + 0.5F;
+      if (!(u >= 0 && v >= 0 && u < static_cast<float>(w) && v < static_cast<float>(h))) continue;
+      const int iu = static_cast<int>(u);
+      const int iv = static_cast<int>(v);
+      const float nearest = reference.limits.nearest(iu, iv);
+      if (!(nearest > 0)) continue;
+      // both depths have about this noise where the answer is close
+      const float tau = std::max(least, sigmas * 1.41421356F * depth_sigma(std::max(pz, nearest))) + slack;
+      ++result.seen;
+      const bool was_dynamic = reference.dynamic(iu, iv) != 0;
+      if (pz < nearest - tau) {
+        vote[x] = 0.5F + 0.5F * std::min(1.0F, (nearest - tau - pz) / tau);
+        ++result.in_front;
+      } else if (pz <= reference.limits.farthest(iu, iv) + tau) {
+        vote[x] = was_dynamic ? static_cast<float>(kSameDynamic) : static_cast<float>(kSameStatic);
+        result.same += was_dynamic ? 0 : 1;
+      } else {
+        result.behind += was_dynamic ? 0 : 1;
+      }
+    }
+  }
+  const double judged = result.same + result.behind;
+  const double wrong = judged > 0 ? result.behind / judged : 0.0;
+  result.trust = std::clamp((0.6 - wrong) / 0.3, 0.0, 1.0);
+  const auto weight = static_cast<float>(result.trust);
+  const auto settled = options.settle > 0 ? std::clamp(age / static_cast<float>(options.settle), 0.1F, 1.0F) : 1.0F;
+  if (weight > 0) {
+    for (std::size_t i = 0; i < votes.size(); ++i) {
+      const float v = votes.data()[i];
+      if (v > 0) {
+        evidence.appeared.data()[i] += weight * v;
+      } else if (v == static_cast<float>(kSameStatic)) {
+        evidence.same_static.data()[i] += weight * settled;
+      } else if (v == static_cast<float>(kSameDynamic)) {
+        evidence.same_dynamic.data()[i] += weight;
+      }
+    }
+  }
+  return result;
+}
+
+APSO_NAMESPACE_END

@@ -1,0 +1,232 @@
+/// \file
+/// A policy around a slow one: it is asked for every n-th frame only, and its mask is carried along in between (after
+/// NGD-SLAM, Zhang et al. 2024).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include <apso/config.hpp>
+#include <apso/math/robust_scale.hpp>
+#include <apso/observation/dynamic_mask.hpp>
+#include <apso/observation/evidence_mask.hpp>
+#include <apso/observation/geometry/low_res_depth.hpp>
+#include <apso/observation/motion_policy.hpp>
+#include <apso/observation/region_growing.hpp>
+#include <apso/observation/geometry/small_frame.hpp>
+#include <apso/options.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+struct MaskPropagationOptions {
+  int every = 5;              ///< the inner policy sees every n-th frame
+  int width = 160;            ///< width of the images that are worked on [px]
+  DepthRange depth;           ///< depth that is used
+  int min_tracks = 3;         ///< fewer tracks in a region do not tell where it goes; it then stays where it is
+  double depth_gate = 0.2;    ///< a pixel stays in the region if its depth changed by less than this [m]
+  double depth_gap = 0.25;    ///< regions are cut where neighbouring depths differ by more [m]
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("every", s.every, 1, 1000);
+    v("width", s.width, 16, 4096);
+    v("depth", s.depth);
+    v("min_tracks", s.min_tracks, 1, 1000);
+    v("depth_gate", s.depth_gate, 0.01, 10.0);
+    v("depth_gap", s.depth_gap, 0.01, 10.0);
+  }
+};
+
+/// Between two looks of the inner policy each region of the mask moves by the median flow of the tracks in it, towards
+/// or away from the camera by their median change of depth, and keeps only pixels whose depth fits. Boxes go along.
+template <class Inner>
+class MaskPropagation {
+ public:
+  MaskPropagation(Inner inner, const Pinhole& camera, const MaskPropagationOptions& options = {})
+      : inner_(std::move(inner)), camera_(camera), options_(options) {
+    static_assert(is_motion_policy_v<Inner>, "apso: MaskPropagation<Inner> needs a motion policy, see motion_policy.hpp");
+    camera.validate();
+    validate(options, "mask_propagation");
+    factor_ = reduction_factor(camera, options.width);
+    small_ = reduced_camera(camera, factor_);
+  }
+
+  void observe(const RgbdFrame& frame, const Pose& T_world_camera_prior, const std::vector<PointTrack>& tracks,
+               DynamicMask& out) {
+    reduce_depth(frame.depth, factor_, options_.depth, small_.width, small_.height, depth_);
+    asked_ = count_ % options_.every == 0;
+    ++count_;
+    if (asked_) {
+      inner_.observe(frame, T_world_camera_prior, tracks, out);
+      reduce_mask(out, factor_, small_.width, small_.height, mask_, known_);
+      detections_ = detections_of(inner_);
+      begin();
+    } else {
+      carry(tracks);
+      move_boxes(tracks);
+      enlarge_(mask_, known_, factor_, camera_.width, camera_.height, out);
+    }
+    std::swap(depth_, previous_depth_);
+  }
+  void remember(const RgbdFrame& frame, const Pose& T_world_camera, const DynamicMask& mask) {
+    if (asked_) inner_.remember(frame, T_world_camera, mask);
+  }
+  void reset() {
+    inner_.reset();
+    count_ = 0;
+    asked_ = false;
+    detections_.clear();
+  }
+  [[nodiscard]] const std::vector<Detection>& detections() const { return detections_; }
+  /// The inner policy was asked for the last frame.
+  [[nodiscard]] bool asked() const { return asked_; }
+
+ private:
+  [[nodiscard]] int small_pixel(float x, float y) const {
+    const float u = (x + 0.5F) / static_cast<float>(factor_);
+    const float v = (y + 0.5F) / static_cast<float>(factor_);
+    if (!(u >= 0 && v >= 0 && u < static_cast<float>(small_.width) && v < static_cast<float>(small_.height))) return -1;
+    return static_cast<int>(v) * small_.width + static_cast<int>(u);
+  }
+
+  /// A region of the mask at the last look, and where it has gone since.
+  struct Region {
+    float x = 0, y = 0, z = 0;     // centre [small px] and mean depth [m] at the look; z = 0 without depth
+    float du = 0, dv = 0, dz = 0;  // since then [small px], [m]
+  };
+
+  // Cuts the mask of a look into regions.
+  void begin() {
+    const int w = small_.width;
+    region_.assign(w, small_.height, 0);
+    look_ = mask_;
+    look_depth_ = depth_;
+    regions_.clear();
+    const auto gap = static_cast<float>(options_.depth_gap);
+    for_each_component(
+        w, small_.height, scratch_, [&](int i) { return mask_.data()[i] >= 0.5F; },
+        [&](int i, int j) {
+          const float a = depth_.data()[i];
+          const float b = depth_.data()[j];
+          return !(a > 0 && b > 0) || std::abs(a - b) <= gap;
+        },
+        [&](const int* first, const int* last) {
+          Region r;
+          float n = 0;
+          for (const int* i = first; i != last; ++i) {
+            region_.data()[*i] = static_cast<int>(regions_.size()) + 1;
+            r.x += static_cast<float>(*i % w);
+            r.y += static_cast<float>(*i / w);
+            if (depth_.data()[*i] > 0) {
+              r.z += depth_.data()[*i];
+              n += 1;
+            }
+          }
+          r.x /= static_cast<float>(last - first);
+          r.y /= static_cast<float>(last - first);
+          r.z = n > 0 ? r.z / n : 0.0F;
+          regions_.push_back(r);
+        });
+    look_region_ = region_;
+  }
+
+  void carry(const std::vector<PointTrack>& tracks) {
+    const int w = small_.width;
+    const int h = small_.height;
+    const auto f = static_cast<float>(factor_);
+    for (std::size_t k = 0; k < regions_.size(); ++k) {
+      du_.clear();
+      dv_.clear();
+      dz_.clear();
+      for (const PointTrack& t : tracks) {
+        const int from = t.age >= 1 ? small_pixel(t.previous_x, t.previous_y) : -1;
+        const int to = from >= 0 ? small_pixel(t.x, t.y) : -1;
+        if (to < 0 || region_.data()[from] != static_cast<int>(k) + 1) continue;
+        du_.push_back(t.x - t.previous_x);
+        dv_.push_back(t.y - t.previous_y);
+        if (previous_depth_.data()[from] > 0 && depth_.data()[to] > 0) {
+          dz_.push_back(depth_.data()[to] - previous_depth_.data()[from]);
+        }
+      }
+      if (static_cast<int>(du_.size()) >= options_.min_tracks) {
+        regions_[k].du += median_in_place(du_) / f;
+        regions_[k].dv += median_in_place(dv_) / f;
+      }
+      if (static_cast<int>(dz_.size()) >= options_.min_tracks) regions_[k].dz += median_in_place(dz_);
+    }
+    // always from the look itself, so that rounding does not add up
+    const auto gate = static_cast<float>(options_.depth_gate);
+    mask_.assign(w, h, 0.0F);
+    region_.assign(w, h, 0);
+    for (int i = 0; i < w * h; ++i) {
+      const int number = look_region_.data()[i];
+      if (number == 0) continue;
+      const Region& r = regions_[static_cast<std::size_t>(number) - 1];
+      const float scale = r.z > 0 && r.z + r.dz > 0.2F ? r.z / (r.z + r.dz) : 1.0F;  // nearer looks larger
+      const int x0 = static_cast<int>(std::lround(r.x + (static_cast<float>(i % w) - r.x) * scale + r.du));
+      const int y0 = static_cast<int>(std::lround(r.y + (static_cast<float>(i / w) - r.y) * scale + r.dv));
+      const float z = look_depth_.data()[i];
+      // with the neighbours of the new place, so that no gaps open when a region comes nearer
+      for (int y = std::max(0, y0 - 1); y <= std::min(h - 1, y0 + 1); ++y) {
+        for (int x = std::max(0, x0 - 1); x <= std::min(w - 1, x0 + 1); ++x) {
+          const bool centre = x == x0 && y == y0;
+          const float now = depth_(x, y);
+          // a neighbour joins only on the surface itself; the place itself also where depth is missing
+          const bool fits = now > 0 && z > 0 ? std::abs(now - z - r.dz) <= (centre ? gate : same_surface(z)) : centre;
+          if (!fits) continue;
+          mask_(x, y) = std::max(mask_(x, y), look_.data()[i]);
+          region_(x, y) = number;
+          known_(x, y) = 1;
+        }
+      }
+    }
+  }
+
+  void move_boxes(const std::vector<PointTrack>& tracks) {
+    for (Detection& d : detections_) {
+      d.mask = {};  // belonged to an earlier frame
+      du_.clear();
+      dv_.clear();
+      for (const PointTrack& t : tracks) {
+        const int from = t.age >= 1 ? small_pixel(t.previous_x, t.previous_y) : -1;
+        if (from < 0 || region_.data()[from] == 0) continue;  // only tracks on the object itself, not beside it
+        const bool in = t.previous_x >= d.box.x && t.previous_y >= d.box.y && t.previous_x < d.box.x + d.box.width &&
+                        t.previous_y < d.box.y + d.box.height;
+        if (!in) continue;
+        du_.push_back(t.x - t.previous_x);
+        dv_.push_back(t.y - t.previous_y);
+      }
+      if (static_cast<int>(du_.size()) < options_.min_tracks) continue;
+      d.box.x += median_in_place(du_);
+      d.box.y += median_in_place(dv_);
+    }
+  }
+
+  Inner inner_;
+  Pinhole camera_;
+  Pinhole small_;
+  MaskPropagationOptions options_;
+  int factor_ = 1;
+  long count_ = 0;
+  bool asked_ = false;
+  std::vector<Detection> detections_;
+  Image<float> depth_;
+  Image<float> previous_depth_;
+  Image<float> mask_;
+  Image<std::uint8_t> known_;
+  Image<int> region_;        // of the last frame, 0 = none
+  Image<float> look_;        // at the last look: mask, depth, regions
+  Image<float> look_depth_;
+  Image<int> look_region_;
+  std::vector<Region> regions_;
+  RegionScratch scratch_;
+  MaskEnlarger enlarge_;
+  std::vector<float> du_;
+  std::vector<float> dv_;
+  std::vector<float> dz_;
+};
+
+APSO_NAMESPACE_END

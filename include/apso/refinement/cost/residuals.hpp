@@ -1,0 +1,223 @@
+/// \file
+/// Warping the pixels of a reference into the current frame: residuals, occlusion gate and derivatives, the paper's
+/// eqs. (Intensity residual) and (Depth residual):
+///
+///     X = Z_k(p) K^-1 (p,1),  Y = T_current_reference X,  u = pi(Y),  r_I = I_c(u) - (g I_k(p) + o),  r_D = Z_c(u) - Y_z
+///
+/// The derivative is taken for an increment d = (v, w) in the frame of the reference, T <- T Exp(d). There it is
+/// (a, X x a) with a = J_pi(X)^T grad I for the intensity and a = J_pi(X)^T grad Z - e_z for the depth: both belong to the
+/// reference alone, because aligned images have the same gradients, so they are computed once per frame. With `esm` the
+/// gradient of the current image is computed as well and the mean of both is taken (Malis, ICRA 2004).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include <apso/config.hpp>
+#include <apso/math/lanes.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/refinement/cost/illumination.hpp>
+#include <apso/refinement/cost/noise_model.hpp>
+#include <apso/refinement/pyramid/pixel_list.hpp>
+#include <apso/refinement/pyramid/pyramid.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+struct WarpOptions {
+  float z_near = 0.1F;           ///< warped points nearer than this are out of view [m]
+  float gate = 0.07F;            ///< depth difference from which a pixel is occluded, at the finest level [m]
+  float gate_relative = 0.03F;   ///< the same as a share of the depth; the larger of the two counts
+  float gate_growth = 5.0F;      ///< factor of the gate per coarser level
+  bool gate_on = true;           ///< the gate drops what moved into or out of the way
+  float depth_spread = 0.05F;    ///< largest relative difference of four depths that are interpolated
+  bool esm = true;               ///< mean of the gradients of both images; at the finest level the aligner takes those of
+                                 ///< the reference alone, where noise common to residual and gradient would pull the pose
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("z_near", s.z_near, 0.0F, 100.0F);
+    v("gate", s.gate, 0.0F, 100.0F);
+    v("gate_relative", s.gate_relative, 0.0F, 1.0F);
+    v("gate_growth", s.gate_growth, 1.0F, 100.0F);
+    v("gate_on", s.gate_on);
+    v("depth_spread", s.depth_spread, 0.0F, 1.0F);
+    v("esm", s.esm);
+  }
+};
+
+/// What became of the warped pixels.
+struct WarpCounts {
+  int selected = 0;      ///< pixels of the reference
+  int valid = 0;         ///< seen in the current image
+  int valid_depth = 0;   ///< of these, gave a depth residual
+  int out_of_view = 0;   ///< left the image or came too near
+  int occluded = 0;      ///< something stands in front
+  int disoccluded = 0;   ///< the surface is gone, something farther is seen
+  int masked = 0;        ///< fell on a pixel of weight 0
+  WarpCounts& operator+=(const WarpCounts& o) {
+    selected += o.selected;
+    valid += o.valid;
+    valid_depth += o.valid_depth;
+    out_of_view += o.out_of_view;
+    occluded += o.occluded;
+    disoccluded += o.disoccluded;
+    masked += o.masked;
+    return *this;
+  }
+};
+
+/// What happened to kLanes pixels.
+struct WarpedLanes {
+  Lanes residual_intensity;  ///< r_I [0,1]
+  Lanes residual_depth;      ///< r_D [m]
+  Lanes inverse_intensity;   ///< 1 / variance of r_I by the noise model
+  Lanes inverse_depth;       ///< 1 / variance of r_D [1/m^2]
+  Lanes weight_intensity;    ///< gamma of a pixel that is seen and stands behind nothing, else 0
+  Lanes weight_depth;        ///< gamma of a valid residual, else 0
+  Lanes lost;                ///< gamma of a pixel that is out of view or occluded, else 0
+  Lanes I[3], D[3];          ///< the a of both rows of the Jacobian
+  Lanes X[3];                ///< point in the reference
+  Lanes current;             ///< I_c(u)
+  Mask selected, valid, valid_depth, out_of_view, occluded, disoccluded, masked;
+};
+
+/// Warps pixels of one reference level into one current level.
+class Warper {
+ public:
+  /// \param gate_factor factor of the occlusion gate at this level, gate_growth^(levels above the finest)
+  /// \param background weight of the pixels of `current` when it has no plane of weights
+  Warper(const PyramidLevel& current, const Pose& T_current_reference, const Illumination& light, const WarpOptions& options,
+         const NoiseOptions& noise, float gate_factor, float background)
+      : texture_(current.texture.data()),
+        gamma_(current.gamma.empty() ? nullptr : &current.gamma),
+        width_(current.intensity.width()),
+        fx_(static_cast<float>(current.camera.fx)),
+        fy_(static_cast<float>(current.camera.fy)),
+        cx_(static_cast<float>(current.camera.cx)),
+        cy_(static_cast<float>(current.camera.cy)),
+        u_max_(static_cast<float>(current.intensity.width() - 2)),
+        v_max_(static_cast<float>(current.intensity.height() - 2)),
+        row_(static_cast<float>(2 * current.intensity.width())),
+        z_near_(options.z_near),
+        gate_(options.gate_on ? options.gate * gate_factor : 1e30F),
+        gate_relative_(options.gate_on ? options.gate_relative * gate_factor : 0.0F),
+        spread_(options.depth_spread),
+        background_(background),
+        s2_intensity_(2 * noise.sigma_intensity * noise.sigma_intensity),
+        s2_pixel_(noise.sigma_pixel * noise.sigma_pixel),
+        gain_(light.gain),
+        offset_(light.offset),
+        esm_(options.esm),
+        static_fusion_(noise.form == NoiseForm::StaticFusion) {
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) R_[i][j] = static_cast<float>(T_current_reference(i, j));
+      t_[i] = static_cast<float>(T_current_reference(i, 3));
+    }
+  }
+
+  /// \param block of a PixelList; `at` < kBlock, a multiple of kLanes
+  APSO_INLINE void warp(const float* block, int at, WarpedLanes& o) const {
+    using P = PixelList;
+    const auto field = [&](P::Field f) { return Lanes::load(block + f * P::kBlock + at); };
+    const Lanes zero = 0.0F;
+    o.X[0] = field(P::kX);
+    o.X[1] = field(P::kY);
+    o.X[2] = field(P::kZ);
+    const Lanes gamma = field(P::kGamma);
+    const Lanes Y0 = R_[0][0] * o.X[0] + R_[0][1] * o.X[1] + R_[0][2] * o.X[2] + t_[0];
+    const Lanes Y1 = R_[1][0] * o.X[0] + R_[1][1] * o.X[1] + R_[1][2] * o.X[2] + t_[1];
+    const Lanes Y2 = R_[2][0] * o.X[0] + R_[2][1] * o.X[1] + R_[2][2] * o.X[2] + t_[2];
+    o.selected = gamma > zero;
+    const Mask ahead = Y2 > z_near_;
+    const Lanes iz = 1.0F / select(ahead, Y2, 1.0F);
+    Lanes u = fx_ * (Y0 * iz) + cx_;
+    Lanes v = fy_ * (Y1 * iz) + cy_;
+    // written so that NaN is out of view
+    const Mask inside = ahead & (u >= Lanes(1.0F)) & (v >= Lanes(1.0F)) & (u <= u_max_) & (v <= v_max_);
+    u = select(inside, u, 1.0F);
+    v = select(inside, v, 1.0F);
+    const Lanes x = to_float(to_int(u));
+    const Lanes y = to_float(to_int(v));
+    const Lanes a = u - x;
+    const Lanes b = v - y;
+    const IntLanes offset = to_int(y * row_ + (x + x));  // exact: an image has less than 2^23 pixels
+    const Quad p = load_quads(texture_, offset);               // I Z I Z of the upper two pixels
+    const Quad q = load_quads(texture_ + 2 * width_, offset);  // and of the lower two
+    const Lanes top = p.c[2] - p.c[0];
+    const Lanes bottom = q.c[2] - q.c[0];
+    const Lanes upper = p.c[0] + a * top;
+    const Lanes lower = q.c[0] + a * bottom;
+    o.current = upper + b * (lower - upper);
+    const Lanes upper_z = p.c[1] + a * (p.c[3] - p.c[1]);
+    const Lanes lower_z = q.c[1] + a * (q.c[3] - q.c[1]);
+    const Lanes Z = upper_z + b * (lower_z - upper_z);
+    const Lanes least = min(min(p.c[1], p.c[3]), min(q.c[1], q.c[3]));
+    const Lanes most = max(max(p.c[1], p.c[3]), max(q.c[1], q.c[3]));
+    const Mask left = a < Lanes(0.5F);
+    const Lanes nearest = select(b < Lanes(0.5F), select(left, p.c[1], p.c[3]), select(left, q.c[1], q.c[3]));
+
+    Lanes weight = gamma * background_;
+    if (gamma_ != nullptr) {
+      for (int i = 0; i < kLanes; ++i) {
+        weight.v[i] = gamma[i] * gamma_->row(static_cast<int>(y[i] + b[i] + 0.5F))[static_cast<int>(x[i] + a[i] + 0.5F)];
+      }
+    }
+    const Mask weighted = inside & (weight > zero);
+    const Lanes gap = nearest - Y2;
+    const Lanes gate = max(gate_, gate_relative_ * Y2);
+    const Mask gated = weighted & (nearest > zero) & (abs(gap) > gate);
+    o.out_of_view = o.selected & !inside;
+    o.masked = o.selected & inside & !weighted;
+    o.occluded = gated & (gap < zero);
+    o.disoccluded = gated & !(gap < zero);
+    o.valid = weighted & !gated;
+    // behind an edge the pixel shows part of what is in front
+    const Lanes gi2 = field(P::kGradient2);
+    o.weight_intensity = select(o.valid & (gi2 >= zero), weight, 0.0F);
+    const Lanes gz2 = field(P::kDepthGradient2);
+    o.valid_depth = o.valid & (least > zero) & (most - least <= spread_ * least) & (gz2 >= zero);
+    o.weight_depth = select(o.valid_depth, weight, 0.0F);
+    o.lost = select(o.out_of_view, gamma, select(gated, weight, 0.0F));
+    o.residual_intensity = select(o.valid, o.current - (gain_ * field(P::kIntensity) + offset_), 0.0F);
+    o.residual_depth = select(o.valid_depth, Z - Y2, 0.0F);
+    o.I[0] = field(P::kI0);
+    o.I[1] = field(P::kI1);
+    o.I[2] = field(P::kI2);
+    o.D[0] = field(P::kD0);
+    o.D[1] = field(P::kD1);
+    o.D[2] = field(P::kD2);
+    if (!static_fusion_) {
+      o.inverse_intensity = 1.0F / (s2_intensity_ + s2_pixel_ * max(gi2, 0.0F));
+      const Lanes sz = max(1.425e-3F * Z * Z, 1e-3F);
+      const Lanes sy = max(1.425e-3F * Y2 * Y2, 1e-3F);
+      o.inverse_depth = 1.0F / (sz * sz + sy * sy + s2_pixel_ * max(gz2, 0.0F));
+    } else {
+      // the gradients again from the rows of the Jacobian: a_0 = f_x/Z g_x, a_1 = f_y/Z g_y
+      const Lanes fx = o.X[2] / fx_;
+      const Lanes fy = o.X[2] / fy_;
+      o.inverse_intensity =
+          1.0F / (1.0F + 10.0F * (abs(o.residual_intensity) + abs(o.I[0] * fx) + abs(o.I[1] * fy)));
+      o.inverse_depth = 0.01F / (0.01F + 200.0F * (abs(o.residual_depth) + abs(o.D[0] * fx) + abs(o.D[1] * fy)));
+    }
+    if (esm_) {
+      const Lanes c0 = (top + b * (bottom - top)) * (fx_ * iz);
+      const Lanes c1 = (lower - upper) * (fy_ * iz);
+      const Lanes c2 = Lanes(0.0F) - (c0 * Y0 + c1 * Y1) * iz;
+      for (int i = 0; i < 3; ++i) {
+        o.I[i] = 0.5F * (o.I[i] + select(o.valid, R_[0][i] * c0 + R_[1][i] * c1 + R_[2][i] * c2, o.I[i]));
+      }
+    }
+  }
+
+ private:
+  const float* texture_;
+  const Plane* gamma_;
+  int width_;
+  Lanes R_[3][3], t_[3];
+  Lanes fx_, fy_, cx_, cy_, u_max_, v_max_, row_, z_near_, gate_, gate_relative_, spread_, background_, s2_intensity_,
+      s2_pixel_, gain_, offset_;
+  bool esm_, static_fusion_;
+};
+
+APSO_NAMESPACE_END
