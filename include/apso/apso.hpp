@@ -96,9 +96,13 @@
 #include <apso/traits/concepts.hpp>
 #include <apso/traits/detection.hpp>
 #include <apso/traits/eigen_image.hpp>
+#include <apso/traits/frame.hpp>
 #include <apso/traits/image.hpp>
 #include <apso/traits/keypoint.hpp>
 #include <apso/traits/pose.hpp>
+#include <apso/traits/ranges.hpp>
+#include <apso/traits/rows.hpp>
+#include <apso/traits/track.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>

@@ -1,0 +1,82 @@
+/// \file
+/// An RGB-D frame of your images: intensity, depth in metres, camera, time. Every algorithm that needs a frame takes one.
+///
+/// \code
+/// const auto now = apso::frame(timestamp, grey, apso::scaled(depth, 1 / 5000.F), camera);
+/// \endcode
+#pragma once
+
+#include <type_traits>
+#include <utility>
+
+#include <apso/config.hpp>
+#include <apso/traits/camera.hpp>
+#include <apso/traits/image.hpp>
+#include <apso/traits/rows.hpp>
+#include <apso/types/frame.hpp>
+#include <apso/types/image_view.hpp>
+#include <apso/types/pinhole.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Refers to the images of one RGB-D frame. Made by frame(); copies no pixel. Named images must outlive it, views and
+/// temporaries are taken along.
+template <class HeldIntensity, class HeldDepth>
+class Frame {
+ public:
+  Frame(double timestamp_, HeldIntensity intensity, HeldDepth depth, const Pinhole& camera_)
+      : timestamp(timestamp_), camera(camera_), intensity_(std::move(intensity)), depth_(std::move(depth)) {}
+
+  double timestamp;                       ///< [s]
+  Pinhole camera;                         ///< of both images
+  ImageView<const Bgr8> colour{};         ///< optional; only networks ask for it
+
+  [[nodiscard]] const typename HeldIntensity::type& intensity() const { return intensity_.get(); }  ///< in [0,1]
+  [[nodiscard]] const typename HeldDepth::type& depth() const { return depth_.get(); }              ///< [m]
+
+ private:
+  HeldIntensity intensity_;
+  HeldDepth depth_;
+};
+
+namespace detail {
+template <class CameraT>
+[[nodiscard]] Pinhole pinhole_of(const CameraT& camera, int width, int height) {
+  if constexpr (std::is_same_v<CameraT, Pinhole>) {
+    (void)width, (void)height;
+    return camera;
+  } else {
+    return to_pinhole(camera, width, height);
+  }
+}
+}  // namespace detail
+
+/// A frame of your images.
+/// \param timestamp [s]
+/// \param intensity any image; 8 and 16 bit are brought to [0,1], float is in [0,1]
+/// \param depth     any image in metres; raw integers say their unit: `scaled(depth, 1 / 5000.F)`. Registered to the
+///                  intensity. Invalid is 0, negative, NaN, infinite or out of range
+/// \param camera    a Pinhole or any type with camera_traits; contract_error if it is distorted or has another size
+template <class I, class D, class CameraT>
+[[nodiscard]] auto frame(double timestamp, I&& intensity, D&& depth, const CameraT& camera) {
+  using Intensity = std::decay_t<I>;
+  using Depth = std::decay_t<D>;
+  check_image<Intensity>();
+  check_image<Depth>();
+  static_assert(!is_image_v<Depth> || std::is_floating_point_v<typename image_traits<Depth>::value_type>,
+                "apso: integer depth needs its unit, e.g. `apso::scaled(depth, 1 / 5000.F)` for TUM files, "
+                "`apso::scaled(depth, 0.001F)` for millimetres");
+  const int width = image_traits<Intensity>::width(intensity);
+  const int height = image_traits<Intensity>::height(intensity);
+  expects(image_traits<Depth>::width(depth) == width && image_traits<Depth>::height(depth) == height,
+          "frame: intensity and depth differ in size");
+  const Pinhole pinhole = detail::pinhole_of(camera, width, height);
+  pinhole.validate();
+  expects(pinhole.width == width && pinhole.height == height, "frame: the camera has another size than the images");
+  auto in_unit = as_intensity(std::forward<I>(intensity));
+  using HeldIntensity = detail::ByValue<decltype(in_unit)>;
+  using HeldDepth = detail::held_t<D>;
+  return Frame<HeldIntensity, HeldDepth>(timestamp, HeldIntensity(std::move(in_unit)), HeldDepth(std::forward<D>(depth)), pinhole);
+}
+
+APSO_NAMESPACE_END
