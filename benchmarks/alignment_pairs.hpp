@@ -18,7 +18,7 @@ namespace pairs {
 
 using apso::Pose;
 
-inline constexpr double kDegree = 3.14159265358979323846 / 180;
+using apso::kDegree;
 /// The eight motions: translation [m]; each metre comes with 50 degrees (10 cm with 5).
 inline constexpr std::array<double, 8> kSteps{0.01, 0.02, 0.04, 0.06, 0.08, 0.10, 0.15, 0.20};
 

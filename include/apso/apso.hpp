@@ -11,6 +11,7 @@
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/executor.hpp>
 #include <apso/math/assignment.hpp>
+#include <apso/math/constants.hpp>
 #include <apso/math/kernels.hpp>
 #include <apso/math/lanes.hpp>
 #include <apso/math/linear_congruential.hpp>

@@ -15,6 +15,7 @@
 
 #include <apso/config.hpp>
 #include <apso/evaluation/trajectory.hpp>
+#include <apso/math/constants.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
 #include <apso/status.hpp>
@@ -112,7 +113,7 @@ namespace detail {
       const Pose step = compose(inverse(trajectory[i].T_world_body), trajectory[i - 1].T_world_body);
       if (unit == DeltaUnit::Metres) sum += norm(translation(step));
       if (unit == DeltaUnit::Radians) sum += rotation_angle(step);
-      if (unit == DeltaUnit::Degrees) sum += rotation_angle(step) * (180.0 / 3.14159265358979323846);
+      if (unit == DeltaUnit::Degrees) sum += rotation_angle(step) / kDegree;
     }
     axis.push_back(sum);
   }
@@ -176,7 +177,7 @@ void keep_sample(std::vector<T>& values, std::size_t count, unsigned seed) {
     const Pose E = options.form == RpeForm::TumScript ? compose(A, inverse(B)) : compose(inverse(B), A);
     result.pairs.push_back({i, j, g_i, g_j});
     result.translation_errors.push_back(norm(translation(E)));
-    result.rotation_errors_deg.push_back(rotation_angle(E) * (180.0 / 3.14159265358979323846));
+    result.rotation_errors_deg.push_back(rotation_angle(E) / kDegree);
   }
   if (result.pairs.empty()) return result;
   result.status = Status::Converged;

@@ -8,6 +8,7 @@
 
 #include <apso/config.hpp>
 #include <apso/executor.hpp>
+#include <apso/math/constants.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
 #include <apso/refinement/aligner.hpp>
@@ -25,7 +26,7 @@ struct PairOptions {
   double depth_unit = 1;      ///< metres per unit of depth (TUM PNG files: 1/5000)
   bool backward = false;      ///< align the other way round as well; results that differ get the confidence 0
   double backward_translation = 0.02;  ///< largest difference of the two results [m]
-  double backward_rotation = 1.0 * 3.14159265358979323846 / 180.0;  ///< and [rad]
+  double backward_rotation = 1.0 * kDegree;  ///< and [rad]
   PyramidOptions pyramid;
   AlignmentOptions alignment;
   template <class Self, class V>

@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/math/constants.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/symmetric.hpp>
 #include <apso/options.hpp>
@@ -29,9 +30,9 @@ struct BlendOptions {
   BlendForm form = BlendForm::InformationWeighted;
   double gate_translation = 0.30; ///< poses farther apart are not blended: the direct one is taken if it is trusted
                                   ///< (c_dir > 0.5) and nearer to the prediction, else the feature pose [m]
-  double gate_rotation = 20.0 * 3.14159265358979323846 / 180.0;  ///< the same for the rotation [rad]
+  double gate_rotation = 20 * kDegree;  ///< the same for the rotation [rad]
   double sigma_translation = 0.15;                               ///< unit of distance to the prediction [m]
-  double sigma_rotation = 10.0 * 3.14159265358979323846 / 180.0; ///< [rad]
+  double sigma_rotation = 10 * kDegree; ///< [rad]
   double feature_sigma_translation = 0.005; ///< of the feature pose when S_feature is 1, for InformationWeighted; it
                                             ///< grows with 1 / S_feature [m]
   double feature_sigma_rotation = 0.0025;   ///< the same for the rotation [rad]

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/math/constants.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
@@ -31,10 +32,10 @@ struct MemoryOptions {
   int capacity = 20;                ///< frames kept
   double spacing_time = 0.2;        ///< a frame is stored when this much time has passed [s],
   double spacing_translation = 0.05;                            ///< or the camera has moved [m],
-  double spacing_rotation = 3.0 * 3.14159265358979323846 / 180.0;  ///< or turned [rad]
+  double spacing_rotation = 3 * kDegree;  ///< or turned [rad]
   double sigma_depth = 0.10;        ///< unit of the depth part [1/m]
   double sigma_translation = 0.15;  ///< unit of the motion part [m]
-  double sigma_rotation = 10.0 * 3.14159265358979323846 / 180.0;   ///< unit of the motion part [rad]
+  double sigma_rotation = 10 * kDegree;   ///< unit of the motion part [rad]
   double min_common_cells = 0.3;    ///< references that share fewer depth cells are rejected
   double near_distance = 1.2;       ///< th_keyframes: largest distance of a reference
   double far_distance = 2.5;        ///< if there is none: the nearest up to this, flagged

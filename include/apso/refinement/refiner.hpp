@@ -8,17 +8,18 @@
 
 #include <apso/config.hpp>
 #include <apso/executor.hpp>
+#include <apso/math/constants.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
 #include <apso/refinement/aligner.hpp>
-#include <apso/refinement/confidence.hpp>
 #include <apso/refinement/blend.hpp>
+#include <apso/refinement/confidence.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
 #include <apso/refinement/reference_memory.hpp>
 #include <apso/status.hpp>
-#include <apso/types/pinhole.hpp>
 #include <apso/types/frame.hpp>
+#include <apso/types/pinhole.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -38,7 +39,7 @@ struct RefinerOptions {
   double velocity_factor = 3.0;         ///< a direct pose that moves from the last trusted one faster than this many
                                         ///< times the median speed
   double velocity_translation = 1.5;    ///< plus this [m/s]
-  double velocity_rotation = 600.0 * 3.14159265358979323846 / 180.0;  ///< or this [rad/s] is not believed
+  double velocity_rotation = 600 * kDegree;  ///< or this [rad/s] is not believed
   int velocity_samples = 5;             ///< speeds needed before the gate is used
   RefinerOptions() { alignment.depth_alone = true; }  // frames of a flash or in the dark are what is repaired here
   template <class Self, class V>

@@ -13,14 +13,13 @@
 #include <Eigen/Geometry>
 
 #include <apso/config.hpp>
+#include <apso/math/constants.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/testing/synthetic_scene.hpp>
 #include <apso/testing/synthetic_texture.hpp>
 
 APSO_NAMESPACE_BEGIN
 namespace testing {
-
-inline constexpr double kPi = 3.14159265358979323846;
 
 /// Kind of camera path.
 enum class CameraMotion {
@@ -50,7 +49,7 @@ class CameraPath {
   [[nodiscard]] Pose operator()(double t) const {
     Eigen::Vector3d p(0.003 * tremor(0, t), 0.003 * tremor(1, t), 0.003 * tremor(2, t));
     Eigen::Vector3d roll_pitch_yaw(tremor(3, t), tremor(4, t), tremor(5, t));
-    roll_pitch_yaw *= 0.25 * kPi / 180;
+    roll_pitch_yaw *= 0.25 * kDegree;
     Eigen::Matrix3d looks = Eigen::Matrix3d::Identity();
     switch (motion_) {
       case CameraMotion::Static:
@@ -79,7 +78,7 @@ class CameraPath {
       }
       case CameraMotion::Rpy: {
         const Swing s = swing(t, 3.4);
-        const double degree = kPi / 180;
+        const double degree = kDegree;
         if (s.axis == 0) roll_pitch_yaw[0] += 38 * degree * direction_ * s.value;
         if (s.axis == 1) roll_pitch_yaw[1] += degree * (27 * s.value + 8 * s.bump);
         if (s.axis == 2) roll_pitch_yaw[2] += 28 * degree * direction_ * s.value;

@@ -15,6 +15,7 @@
 #include <apso/config.hpp>
 #include <apso/testing/synthetic_render.hpp>
 #include <apso/testing/synthetic_texture.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
 
@@ -207,7 +208,7 @@ inline void sense_depth(const Canvas3d& drawn, const Renderer& renderer, const P
       const float common = (1 - bx) * low[i] + bx * low[i + 1];
       // variances: common 0.44 on average over the cell, so 0.9 common + 0.8 own make one
       const float unit = 0.9F * common + 0.8F * normal(bits);
-      const float total = std::max(1e-3F, 1.425e-3F * z * z);
+      const float total = depth_sigma(z);
       const float step = z * z / (8 * kDisparity);
       const float rest = std::sqrt(std::max(0.2F * total * total, total * total - step * step * (1.0F / 12.0F)));
       const float measured = z + rest * unit;

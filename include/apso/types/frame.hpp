@@ -38,11 +38,15 @@ struct DepthRange {
   return z >= range.min && z <= range.max && z > 0.0F;  // every comparison with NaN is false
 }
 
-/// Standard deviation of a structured-light depth of z metres [m]: max(1 mm, 1.425e-3 z^2),
+/// Noise of a structured-light depth sensor: its standard deviation is max(kDepthNoiseFloor, kDepthNoise z^2).
 /// Khoshelham & Elberink, Sensors 2012.
+inline constexpr float kDepthNoise = 1.425e-3F;  ///< [1/m]
+inline constexpr float kDepthNoiseFloor = 1e-3F; ///< [m]
+
+/// Standard deviation of a depth of z metres [m].
 [[nodiscard]] inline float depth_sigma(float z) {
-  const float s = 1.425e-3F * z * z;
-  return s > 1e-3F ? s : 1e-3F;
+  const float s = kDepthNoise * z * z;
+  return s > kDepthNoiseFloor ? s : kDepthNoiseFloor;
 }
 
 APSO_NAMESPACE_END

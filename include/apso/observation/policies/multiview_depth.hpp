@@ -13,6 +13,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/math/constants.hpp>
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/evidence_mask.hpp>
 #include <apso/observation/geometry/small_frame.hpp>
@@ -121,7 +122,6 @@ class MultiViewDepth {
   [[nodiscard]] std::size_t view_count() const { return views_.size(); }
 
  private:
-  static constexpr double kDegree = 3.14159265358979323846 / 180.0;
   struct View {
     double time = 0;
     Pose T_world_camera = Pose::Identity();

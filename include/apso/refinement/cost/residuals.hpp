@@ -22,6 +22,7 @@
 #include <apso/refinement/cost/noise_model.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
+#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -189,8 +190,8 @@ class Warper {
     o.D[2] = field(P::kD2);
     if (!static_fusion_) {
       o.inverse_intensity = 1.0F / (s2_intensity_ + s2_pixel_ * max(gi2, 0.0F));
-      const Lanes sz = max(1.425e-3F * Z * Z, 1e-3F);
-      const Lanes sy = max(1.425e-3F * Y2 * Y2, 1e-3F);
+      const Lanes sz = max(kDepthNoise * Z * Z, kDepthNoiseFloor);
+      const Lanes sy = max(kDepthNoise * Y2 * Y2, kDepthNoiseFloor);
       o.inverse_depth = 1.0F / (sz * sz + sy * sy + s2_pixel_ * max(gz2, 0.0F));
     } else {
       // the gradients again from the rows of the Jacobian: a_0 = f_x/Z g_x, a_1 = f_y/Z g_y

@@ -243,7 +243,7 @@ class PixelSelector {
         const Lanes d0 = get(P::kD0);  // 0 unless ok
         const Lanes d1 = get(P::kD1);
         const Lanes z = get(P::kZ);
-        const Lanes slope_noise = select(ok, slope * max(1.425e-3F * z * z, 1e-3F) / select(ok, z, 1.0F), zero);
+        const Lanes slope_noise = select(ok, slope * max(kDepthNoise * z * z, kDepthNoiseFloor) / select(ok, z, 1.0F), zero);
         count += select(ok, 1.0F, zero);
         sum0 += select(ok, d0, zero);
         sum1 += select(ok, d1, zero);

@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/math/constants.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
@@ -25,7 +26,7 @@ APSO_NAMESPACE_BEGIN
 class OrientationSearch {
  public:
   /// Largest angle between a guess, before it is refined, and the rotation looked around [rad].
-  static constexpr double kReach = 13 * 3.14159265358979 / 180;
+  static constexpr double kReach = 13 * kDegree;
 
   /// \param reference,current the same level of both frames, about 160 x 120 pixels
   /// \param around the rotation R_current_reference to look around
@@ -70,7 +71,6 @@ class OrientationSearch {
   }
 
  private:
-  static constexpr double kDegree = 3.14159265358979 / 180;
   static constexpr double kStep = 3 * kDegree;   // of the grid [rad]
   static constexpr double kApart = 5 * kDegree;  // least angle between two guesses, before they are refined [rad]
   static constexpr double kLeast = 0.8;          // agreement of a guess, of the best
