@@ -79,4 +79,30 @@ template <class I, class D, class CameraT>
   return Frame<HeldIntensity, HeldDepth>(timestamp, HeldIntensity(std::move(in_unit)), HeldDepth(std::forward<D>(depth)), pinhole);
 }
 
+/// True for what frame() makes and for RgbdFrame: the two types that doors take as a frame.
+template <class T>
+inline constexpr bool is_frame_v = std::is_same_v<T, RgbdFrame>;
+template <class I, class D>
+inline constexpr bool is_frame_v<Frame<I, D>> = true;
+
+/// Stands first in every function that takes a frame; see check_image.
+template <class T>
+constexpr void check_frame() {
+  static_assert(is_frame_v<T>, "apso: a frame is made by `apso::frame(timestamp, intensity, depth, camera)` from any images");
+}
+
+/// Intensity of a frame: an image in [0,1], read with rows().
+template <class I, class D>
+[[nodiscard]] const auto& intensity_of(const Frame<I, D>& frame) {
+  return frame.intensity();
+}
+[[nodiscard]] inline const ImageView<const float>& intensity_of(const RgbdFrame& frame) { return frame.intensity; }
+
+/// Depth of a frame: an image in metres, read with rows().
+template <class I, class D>
+[[nodiscard]] const auto& depth_of(const Frame<I, D>& frame) {
+  return frame.depth();
+}
+[[nodiscard]] inline const ImageView<const float>& depth_of(const RgbdFrame& frame) { return frame.depth; }
+
 APSO_NAMESPACE_END
