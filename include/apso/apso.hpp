@@ -19,6 +19,7 @@
 #include <apso/math/sampling.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
+#include <apso/math/statistics.hpp>
 #include <apso/math/symmetric.hpp>
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/evidence_mask.hpp>
@@ -56,7 +57,6 @@
 #include <apso/quality/decision.hpp>
 #include <apso/quality/explain.hpp>
 #include <apso/quality/frame_score.hpp>
-#include <apso/quality/running_window.hpp>
 #include <apso/quality/scores/confidence.hpp>
 #include <apso/quality/scores/depth.hpp>
 #include <apso/quality/scores/depth_change.hpp>

@@ -21,9 +21,9 @@ APSO_NAMESPACE_BEGIN
 enum class ScaleKind { Mad, StudentT, MeanAbs };
 constexpr std::array<const char*, 3> enum_names(ScaleKind) { return {"mad", "student_t", "mean_abs"}; }
 
-/// Median of the values (the upper one of an even count); may reorder them. 0 for none.
+/// Median of the values, of an even count the upper of the middle two; may reorder them. 0 for none.
 template <class T>
-[[nodiscard]] T median_in_place(std::vector<T>& values) {
+[[nodiscard]] T upper_median(std::vector<T>& values) {
   if (values.empty()) return T(0);
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
@@ -32,7 +32,7 @@ template <class T>
 
 /// The same for floats without NaN, found by halving the range of bit patterns that holds it: a few vectorised counts are
 /// several times faster than partitioning. Leaves the values as they are.
-[[nodiscard]] inline float median_in_place(std::vector<float>& values) {
+[[nodiscard]] inline float upper_median(std::vector<float>& values) {
   if (values.empty()) return 0;
   const std::size_t n = values.size();
   const std::size_t whole = n - n % kLanes;
@@ -90,9 +90,9 @@ template <class T>
 /// Reorders and overwrites the values. 0 for none.
 template <class T>
 [[nodiscard]] double mad_scale_in_place(std::vector<T>& values) {
-  const T m = median_in_place(values);
+  const T m = upper_median(values);
   for (T& r : values) r = std::abs(r - m);
-  return 1.4826 * static_cast<double>(median_in_place(values));
+  return 1.4826 * static_cast<double>(upper_median(values));
 }
 
 /// Scale of a Student-t distribution: sigma^2 <- mean of r^2 (nu+1)/(nu + r^2/sigma^2), from `start` (or MAD) until the

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/math/statistics.hpp>
 #include <apso/options.hpp>
 #include <apso/quality/threshold.hpp>
 #include <apso/quality/benchmark.hpp>
@@ -21,7 +22,6 @@
 #include <apso/quality/scores/feature.hpp>
 #include <apso/quality/frame_score.hpp>
 #include <apso/quality/scores/motion_change.hpp>
-#include <apso/quality/running_window.hpp>
 #include <apso/quality/decision.hpp>
 #include <apso/quality/scores/sharpness.hpp>
 #include <apso/quality/scores/spatial.hpp>
@@ -165,9 +165,9 @@ class SceneAssessor {
         initialiser_(options.initialisation),
         decision_(options.decision),
         benchmark_(options.benchmark),
-        responses_(static_cast<std::size_t>(options.response_window)),
-        sharpness_x_(static_cast<std::size_t>(options.response_window)),
-        sharpness_y_(static_cast<std::size_t>(options.response_window)) {
+        responses_(options.response_window),
+        sharpness_x_(options.response_window),
+        sharpness_y_(options.response_window) {
     camera_.validate();
   }
 
@@ -449,9 +449,9 @@ class SceneAssessor {
   Initialiser initialiser_;
   SceneDecision decision_;
   Benchmark benchmark_;
-  RunningWindow responses_;
-  RunningWindow sharpness_x_;
-  RunningWindow sharpness_y_;
+  RunningMedian responses_;
+  RunningMedian sharpness_x_;
+  RunningMedian sharpness_y_;
   Assessment a_;
   FrameSnapshot current_;
   FrameSnapshot best_;

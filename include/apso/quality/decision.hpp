@@ -7,7 +7,7 @@
 #include <array>
 
 #include <apso/config.hpp>
-#include <apso/quality/running_window.hpp>
+#include <apso/math/statistics.hpp>
 #include <apso/types/score.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -137,7 +137,7 @@ class SceneDecision {
   DecisionOptions o_;
   double w_ = 0;
   bool was_bad_ = false;
-  RunningWindow good_scores_;
+  RunningMedian good_scores_;
 };
 
 APSO_NAMESPACE_END

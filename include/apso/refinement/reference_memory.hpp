@@ -99,7 +99,7 @@ struct DepthDescriptor {
         }
       }
       const bool enough = values.size() >= 4 && values.size() * 10 >= static_cast<std::size_t>(looked_at);
-      d.inverse_depth[static_cast<std::size_t>(r * DepthDescriptor::kColumns + c)] = enough ? median_in_place(values) : 0.0F;
+      d.inverse_depth[static_cast<std::size_t>(r * DepthDescriptor::kColumns + c)] = enough ? upper_median(values) : 0.0F;
     }
   }
   return d;

@@ -11,6 +11,7 @@
 #include <apso/math/constants.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/statistics.hpp>
 #include <apso/options.hpp>
 #include <apso/refinement/aligner.hpp>
 #include <apso/refinement/blend.hpp>
@@ -77,33 +78,6 @@ struct Refinement {
   bool gated = false;                         ///< the two poses were too far apart to be blended
   bool too_fast = false;                      ///< the velocity gate fired
   AlignmentResult alignment;
-};
-
-/// The last values of a quantity and their median.
-class RunningMedian {
- public:
-  explicit RunningMedian(int window) : window_(static_cast<std::size_t>(std::max(1, window))) {}
-  void add(double v) {
-    if (!std::isfinite(v)) return;
-    if (values_.size() < window_) values_.push_back(v);
-    else values_[next_] = v;
-    next_ = (next_ + 1) % window_;
-  }
-  [[nodiscard]] int size() const { return static_cast<int>(values_.size()); }
-  [[nodiscard]] double median(double otherwise) {
-    if (values_.empty()) return otherwise;
-    sorted_ = values_;
-    return median_in_place(sorted_);
-  }
-  void clear() {
-    values_.clear();
-    next_ = 0;
-  }
-
- private:
-  std::size_t window_;
-  std::size_t next_ = 0;
-  std::vector<double> values_, sorted_;
 };
 
 class Refiner {

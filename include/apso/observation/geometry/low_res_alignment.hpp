@@ -173,7 +173,7 @@ inline LowResAlignment align_low_res(const SmallFrame& current, const SmallFrame
       result.T_past_current = T_past_current_prior;
       return result;
     }
-    scale = std::clamp(1.4826F * median_in_place(scratch), 1.0F, 6.0F);
+    scale = std::clamp(1.4826F * upper_median(scratch), 1.0F, 6.0F);
     const double count = static_cast<double>(options.independent) / (2.0 * n);
     Matrix6 A = prior;
     Twist b = times(prior, se3_log(compose(T, inverse(T_past_current_prior))));

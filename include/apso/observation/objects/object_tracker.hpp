@@ -189,8 +189,8 @@ class ObjectTracker {
         dv_.push_back(t.y - t.previous_y);
       }
       const bool told = static_cast<int>(du_.size()) >= options_.min_tracks;
-      known.dx = told ? median_in_place(du_) : known.vx;
-      known.dy = told ? median_in_place(dv_) : known.vy;
+      known.dx = told ? upper_median(du_) : known.vx;
+      known.dy = told ? upper_median(dv_) : known.vy;
       known.dz = known.vz;
       known.box.x += known.dx;
       known.box.y += known.dy;

@@ -256,7 +256,7 @@ class EpipolarMotion {
     }
     distance_.assign(pairs_.size(), -1.0);
     Eigen::Matrix3d F;
-    if (median_in_place(flow_) >= options_.least_parallax && find_lines(F)) {
+    if (upper_median(flow_) >= options_.least_parallax && find_lines(F)) {
       model_ = EpipolarModel::Lines;
       for (std::size_t i = 0; i < pairs_.size(); ++i) distance_[i] = epipolar_distance(F, pairs_[i]);
     } else {

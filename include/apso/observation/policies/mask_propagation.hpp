@@ -152,10 +152,10 @@ class MaskPropagation {
         }
       }
       if (static_cast<int>(du_.size()) >= options_.min_tracks) {
-        regions_[k].du += median_in_place(du_) / f;
-        regions_[k].dv += median_in_place(dv_) / f;
+        regions_[k].du += upper_median(du_) / f;
+        regions_[k].dv += upper_median(dv_) / f;
       }
-      if (static_cast<int>(dz_.size()) >= options_.min_tracks) regions_[k].dz += median_in_place(dz_);
+      if (static_cast<int>(dz_.size()) >= options_.min_tracks) regions_[k].dz += upper_median(dz_);
     }
     // always from the look itself, so that rounding does not add up
     const auto gate = static_cast<float>(options_.depth_gate);
@@ -200,8 +200,8 @@ class MaskPropagation {
         dv_.push_back(t.y - t.previous_y);
       }
       if (static_cast<int>(du_.size()) < options_.min_tracks) continue;
-      d.box.x += median_in_place(du_);
-      d.box.y += median_in_place(dv_);
+      d.box.x += upper_median(du_);
+      d.box.y += upper_median(dv_);
     }
   }
 

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include <apso/config.hpp>
-#include <apso/quality/running_window.hpp>
+#include <apso/math/statistics.hpp>
 #include <apso/quality/scores/spread.hpp>
 #include <apso/quality/static_pixel.hpp>
 #include <apso/types/image_view.hpp>

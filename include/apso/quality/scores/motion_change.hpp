@@ -12,8 +12,8 @@
 
 #include <apso/config.hpp>
 #include <apso/math/small_matrix.hpp>
+#include <apso/math/statistics.hpp>
 #include <apso/math/symmetric.hpp>
-#include <apso/quality/running_window.hpp>
 #include <apso/types/score.hpp>
 
 APSO_NAMESPACE_BEGIN

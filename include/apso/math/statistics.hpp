@@ -1,5 +1,5 @@
 /// \file
-/// The last n values of a signal with their median and spread.
+/// The median, and a bounded memory of a signal with its median and spread.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,8 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Median of the values, which are reordered; the mean of the middle two for an even number, 0 for none.
+/// Median of the values, which are reordered: the mean of the middle two for an even count, 0 for none.
+/// upper_median() (robust_scale.hpp) takes the upper of the two instead, which is faster on many floats.
 [[nodiscard]] inline double median_in_place(std::vector<double>& values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -20,43 +21,45 @@ APSO_NAMESPACE_BEGIN
   return 0.5 * (*middle + *std::max_element(values.begin(), middle));
 }
 
-/// Bounded memory of a signal. Values that are not finite are ignored.
-class RunningWindow {
+/// The last values of a signal and their median. Values that are not finite are ignored.
+class RunningMedian {
  public:
-  explicit RunningWindow(std::size_t capacity) : capacity_(capacity) {
-    expects(capacity > 0, "RunningWindow: capacity must be > 0");
-    values_.reserve(capacity);
-    scratch_.reserve(capacity);
+  /// \param window how many values are remembered, > 0
+  explicit RunningMedian(int window) : window_(static_cast<std::size_t>(window)) {
+    expects(window > 0, "RunningMedian: the window must be > 0");
   }
   void add(double value) {
     if (!std::isfinite(value)) return;
-    if (values_.size() < capacity_) {
+    if (values_.size() < window_) {
       values_.push_back(value);
     } else {
       values_[next_] = value;
     }
-    next_ = (next_ + 1) % capacity_;
+    next_ = (next_ + 1) % window_;
   }
   void clear() {
     values_.clear();
     next_ = 0;
   }
-  [[nodiscard]] std::size_t size() const { return values_.size(); }
-  [[nodiscard]] bool full() const { return values_.size() == capacity_; }
-  /// Median of the remembered values; 0 when there is none.
-  [[nodiscard]] double median() {
+  [[nodiscard]] int size() const { return static_cast<int>(values_.size()); }
+  [[nodiscard]] bool full() const { return values_.size() == window_; }
+  /// Median of the remembered values.
+  /// \param otherwise the answer when there is none
+  [[nodiscard]] double median(double otherwise = 0) {
+    if (values_.empty()) return otherwise;
     scratch_ = values_;
     return median_in_place(scratch_);
   }
   /// Median absolute deviation from the median, without a factor; 0 when there is none.
   [[nodiscard]] double mad() {
     const double m = median();
+    scratch_ = values_;
     for (double& v : scratch_) v = std::abs(v - m);
     return median_in_place(scratch_);
   }
 
  private:
-  std::size_t capacity_;
+  std::size_t window_;
   std::size_t next_ = 0;
   std::vector<double> values_;
   std::vector<double> scratch_;
