@@ -71,7 +71,7 @@ struct Arguments {
 struct TrackOptions {
   apso::PipelineOptions pipeline;
   apso::opencv::FeatureTrackerOptions tracker;
-  apso::opencv::MotionOptions motion;  ///< of the policies other than the default one, which is the pipeline's own
+  apso::opencv::MotionOptions motion;  ///< of every policy that --motion can name
   apso::SoftWeightOptions soft_weights;
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
@@ -130,10 +130,11 @@ apso::ClassList class_list(const Arguments& a) {
   return list;
 }
 
-/// The policy that --motion names; none for the default, which is part of the pipeline, and for "none".
-/// What the policy reads itself is taken out of the arguments, so that it is not used twice.
-std::optional<apso::AnyMotionPolicy> open_motion(Arguments& a, const apso::Pinhole& camera, const TrackOptions& options) {
-  if (a.motion == "geometric" || a.motion == "none") return std::nullopt;
+/// The pipeline with a motion policy that is chosen at run time.
+using Pipeline = apso::BasicPipeline<apso::Pose, apso::AnyMotionPolicy>;
+
+/// The policy that --motion names. What it reads itself is taken out of the arguments, so that it is not used twice.
+apso::AnyMotionPolicy open_motion(Arguments& a, const apso::Pinhole& camera, const TrackOptions& options) {
   apso::opencv::MotionFiles files;
   files.masks = a.masks;
   files.detections = a.detections;
@@ -178,13 +179,13 @@ json evaluate(const apso::Trajectory& truth, const apso::Trajectory& estimate) {
 int run(Arguments a) {
   TrackOptions options;
   if (!a.config.empty()) apso::read_parameters(a.config, options);
-  if (a.motion != "geometric") options.pipeline.motion = false;
+  if (a.motion == "none") options.pipeline.motion = false;
   if (a.no_refinement) options.pipeline.refinement = false;
 
   std::unique_ptr<track::FrameSource> source = open_source(a);
   auto* const synthetic = dynamic_cast<track::SyntheticSource*>(source.get());
   if (!a.spoil.empty()) source = std::make_unique<track::DegradedSource>(std::move(source), a.spoil);
-  std::optional<apso::AnyMotionPolicy> motion = open_motion(a, source->camera(), options);
+  apso::AnyMotionPolicy motion = open_motion(a, source->camera(), options);
   std::unique_ptr<track::MaskFolder> masks;
   if (!a.masks.empty()) masks = std::make_unique<track::MaskFolder>(a.masks);
   std::unique_ptr<apso::DetectionLog> detections;
@@ -199,7 +200,7 @@ int run(Arguments a) {
   cv::setNumThreads(a.threads);
   for (const std::string& w : source->warnings()) std::fprintf(stderr, "warning: %s\n", w.c_str());
 
-  apso::Pipeline pipeline(source->camera(), options.pipeline);
+  Pipeline pipeline(source->camera(), std::move(motion), options.pipeline);
   apso::opencv::FeatureTracker tracker(source->camera(), options.tracker);
   track::FrameTable table((out / "frames.csv").string());
   track::OverlayChooser overlays(out / "overlays");
@@ -216,7 +217,6 @@ int run(Arguments a) {
   track::LoadedFrame frame;
   cv::Mat mask;
   cv::Mat mask_out;
-  apso::DynamicMask moving;       // of the policy
   apso::Image<float> soft;        // the mask, softened
   int softened = 0;
   for (int i = 0; i < total && interrupted == 0; ++i) {
@@ -239,18 +239,11 @@ int run(Arguments a) {
       const auto prior = tracker.estimate(pipeline.observation().mask.probability);
       ms.features = watch.lap();
 
-      apso::ObservationInput seen;
-      seen.frame = frame.rgbd;
-      seen.T_world_camera_prior = prior.T_world_camera;
-      seen.tracks = &tracker.tracks();
-      if (detections) seen.detections = &detections->at(frame.timestamp);
-      if (motion) {
-        motion->observe(frame.rgbd, prior.T_world_camera, tracker.tracks(), moving);
-        seen.moving = &moving;
-        if (!motion->detections().empty()) seen.detections = &motion->detections();
-      }
-      if (!mask.empty()) seen.mask = {mask.data, mask.cols, mask.rows, static_cast<std::ptrdiff_t>(mask.step)};
-      const apso::Observation& observation = pipeline.observe(seen);
+      const auto* objects = detections ? &detections->at(frame.timestamp) : nullptr;
+      apso::ImageView<const std::uint8_t> labels;
+      if (!mask.empty()) labels = apso::opencv::as_image<std::uint8_t>(mask);
+      const apso::Observation& observation = pipeline.observe(frame.rgbd, prior.T_world_camera, tracker.tracks(), objects,
+                                                              labels.empty() ? nullptr : &labels);
       ms.observe = watch.lap();
 
       const apso::StaticSupport support = apso::static_support(observation.mask.probability, tracker.keypoints());
@@ -262,12 +255,9 @@ int run(Arguments a) {
       const auto features = observation.informative ? tracker.estimate(soften ? soft : observation.mask.probability) : prior;
       ms.features += watch.lap();
 
-      pipeline.assess({&tracker.keypoints(), &tracker.tracks(), features.T_world_camera, features.T_world_predicted, features.ok});
+      pipeline.assess(tracker.keypoints(), tracker.tracks(), {features.T_world_camera, features.T_world_predicted, features.ok});
       ms.assess = watch.lap();
       const apso::FrameReport& report = pipeline.conclude();
-      if (motion && report.state != apso::SceneState::Lost) {
-        motion->remember(frame.rgbd, report.T_world_camera, observation.mask);
-      }
       ms.refine = watch.lap();
       tracker.commit(report.T_world_camera, observation.mask.probability, report.keyframe_allowed);
       ms.map = watch.lap();

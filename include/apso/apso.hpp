@@ -50,6 +50,8 @@
 #include <apso/options.hpp>
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/pipeline/report.hpp>
+#include <apso/pipeline/requirements.hpp>
+#include <apso/pipeline/working_copy.hpp>
 #include <apso/quality/assessor.hpp>
 #include <apso/quality/benchmark.hpp>
 #include <apso/quality/calibration.hpp>

@@ -57,8 +57,8 @@ int main() {
   std::vector<apso::Keypoint> keypoints;
   for (int i = 0; i < 300; ++i) keypoints.push_back({static_cast<float>(i * 37 % 160), static_cast<float>(i * 53 % 120), 50, 0, 0});
   const std::vector<apso::PointTrack> tracks;
-  pipeline.observe({{0.0, b.intensity, b.depth}, truth, &tracks});
-  pipeline.assess({&keypoints, &tracks, truth, truth, true});
+  pipeline.observe({0.0, b.intensity, b.depth}, truth, tracks);
+  pipeline.assess(keypoints, tracks, {truth, truth, true});
   const apso::FrameReport& report = pipeline.conclude();
   print("S_total", report.assessment.S_total.value());
   std::printf("%-12s %s\n", "state", apso::to_string(report.state));

@@ -33,8 +33,8 @@ class Host {
     for (int y = 5; y < 240; y += 10) {
       for (int x = 5; x < 320; x += 10) keypoints_.push_back({static_cast<float>(x), static_cast<float>(y), response, 0, 0});
     }
-    pipeline_.observe({frame_.rgbd(), T_true * T_error, nullptr, nullptr, {}});
-    pipeline_.assess({&keypoints_, &tracks_, T_true * T_error, T_true * T_error, ok});
+    pipeline_.observe(frame_.rgbd(), T_true * T_error);
+    pipeline_.assess(keypoints_, tracks_, {T_true * T_error, T_true * T_error, ok});
     return pipeline_.conclude();
   }
   [[nodiscard]] Pose truth(int i) const { return sequence_.T_world_camera(i); }
@@ -133,10 +133,10 @@ TEST_CASE("a mask from outside is taken as it is when no motion policy runs") {
   for (int y = 0; y < 240; ++y) {
     for (int x = 0; x < 80; ++x) mask(x, y) = 255;
   }
-  const Observation& seen = pipeline.observe({frame.rgbd(), Pose::Identity(), nullptr, nullptr, mask.view()});
+  const Observation& seen = pipeline.observe(frame.rgbd(), Pose::Identity(), none, none, mask);
   CHECK(seen.dynamic_ratio == doctest::Approx(0.25));
   CHECK(seen.informative);
-  CHECK_FALSE(pipeline.observe({frame.rgbd(), Pose::Identity(), nullptr, nullptr, {}}).informative);
+  CHECK_FALSE(pipeline.observe(frame.rgbd(), Pose::Identity()).informative);
 }
 
 TEST_CASE("two pipelines fed the same say the same, and reset() forgets") {
@@ -156,12 +156,31 @@ TEST_CASE("wrong calls are refused") {
   const Pinhole camera{300, 300, 160, 120, 320, 240};
   Pipeline pipeline(camera);
   const Image<float> good(320, 240, 0.5F), wrong(100, 100, 0.5F);
-  CHECK_THROWS_AS(pipeline.observe({{0, wrong, good}, Pose::Identity(), nullptr, nullptr, {}}), contract_error);
-  CHECK_THROWS_AS(pipeline.observe({{0, good, wrong}, Pose::Identity(), nullptr, nullptr, {}}), contract_error);
-  Pose nan = Pose::Identity();
+  const Pose I = Pose::Identity();
+  Pose nan = I;
   nan.translation().x() = std::nan("");
-  CHECK_THROWS_AS(pipeline.observe({{0, good, good}, nan, nullptr, nullptr, {}}), contract_error);
-  CHECK_THROWS_AS(pipeline.assess({}), contract_error);
+  const std::vector<Keypoint> keypoints;
+  CHECK_THROWS_AS(pipeline.observe({0, wrong, good}, I), contract_error);
+  CHECK_THROWS_AS(pipeline.observe({0, good, wrong}, I), contract_error);
+  CHECK_THROWS_AS(pipeline.observe({std::nan(""), good, good}, I), contract_error);
+  CHECK_THROWS_AS(pipeline.observe({0, good, good}, nan), contract_error);
+  CHECK_THROWS_AS(pipeline.observe({0, good, good}, I, none, none, wrong), contract_error);
+  Pinhole other = camera;
+  other.fx = 301;
+  CHECK_THROWS_AS(pipeline.observe(frame(0, good, good, other), I), contract_error);
+  // the three calls in their order, each once per frame
+  CHECK_THROWS_AS(pipeline.assess(keypoints, none, {I, I, true}), contract_error);
+  CHECK_THROWS_AS(pipeline.conclude(), contract_error);
+  pipeline.observe({0, good, good}, I);
+  CHECK_THROWS_AS(pipeline.conclude(), contract_error);
+  CHECK_THROWS_AS(pipeline.assess(keypoints, none, {nan, I, true}), contract_error);
+  CHECK_THROWS_AS(pipeline.assess(keypoints, none, {I, nan, false}), contract_error);
+  pipeline.assess(keypoints, none, {nan, I, false});  // nobody looks at a pose that was not found
+  CHECK_THROWS_AS(pipeline.assess(keypoints, none, {I, I, true}), contract_error);
+  CHECK(is_finite(pipeline.conclude().T_world_feature));
+  CHECK_THROWS_AS(pipeline.conclude(), contract_error);
+  CHECK_THROWS_AS(pipeline.observe({0, good, wrong}, I), contract_error);
+  CHECK_THROWS_AS(pipeline.assess(keypoints, none, {I, I, true}), contract_error);  // not of the frame that was refused
   PipelineOptions o;
   o.assessor.decision.th_differ = 2;
   CHECK_THROWS_AS(Pipeline(camera, o), contract_error);

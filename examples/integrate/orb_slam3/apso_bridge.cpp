@@ -10,13 +10,12 @@
 #include <vector>
 
 #include <apso/pipeline/pipeline.hpp>
-#include <apso/traits/image.hpp>
+#include <apso/traits/frame.hpp>
 
 struct ApsoBridge {
   explicit ApsoBridge(const apso::Pinhole& c) : camera(c), pipeline(c) {}
   apso::Pinhole camera;
   apso::Pipeline pipeline;
-  apso::Image<float> intensity;
   apso::Pose T_world_predicted = apso::Pose::Identity();
   std::vector<apso::Keypoint> keypoints;
   std::vector<apso::PointTrack> tracks;
@@ -71,10 +70,10 @@ int apso_bridge_observe(ApsoBridge* b, double timestamp, const unsigned char* gr
     const int h = b->camera.height;
     apso::expects(grey && depth_metres && T_world_camera_prior, "apso_bridge_observe: a pointer is null");
     apso::expects(grey_step >= w && depth_step >= 4 * w && depth_step % 4 == 0, "apso_bridge_observe: a step does not fit the width");
-    apso::copy_to_float(apso::ImageView<const unsigned char>(grey, w, h, grey_step), 1.0 / 255, b->intensity);
-    const apso::ImageView<const float> depth(depth_metres, w, h, depth_step / 4);
     b->T_world_predicted = pose(T_world_camera_prior);
-    b->pipeline.observe({{timestamp, b->intensity, depth}, b->T_world_predicted, nullptr, nullptr, {}});
+    b->pipeline.observe(apso::frame(timestamp, apso::ImageView<const unsigned char>(grey, w, h, grey_step),
+                                    apso::ImageView<const float>(depth_metres, w, h, depth_step / 4), b->camera),
+                        b->T_world_predicted);
   });
 }
 
@@ -108,7 +107,7 @@ int apso_bridge_conclude(ApsoBridge* b, const ApsoBridgeKeypoint* keypoints, int
     }
     b->seen.swap(now);
     const apso::Pose T_world_feature = tracking_ok ? pose(T_world_camera_tracked) : b->T_world_predicted;
-    b->pipeline.assess({&b->keypoints, &b->tracks, T_world_feature, b->T_world_predicted, tracking_ok != 0});
+    b->pipeline.assess(b->keypoints, b->tracks, {T_world_feature, b->T_world_predicted, tracking_ok != 0});
     const apso::FrameReport& r = b->pipeline.conclude();
     write(r.T_world_camera, report->T_world_camera);
     report->pose_ok = tracking_ok || r.refined ? 1 : 0;

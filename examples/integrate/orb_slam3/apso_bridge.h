@@ -34,7 +34,7 @@ void apso_bridge_destroy(ApsoBridge* bridge);
 void apso_bridge_reset(ApsoBridge* bridge);
 const char* apso_bridge_error(const ApsoBridge* bridge);
 
-/* Before tracking. Steps are bytes from a row to the next. The depth must stay where it is until apso_bridge_conclude. */
+/* Before tracking. Steps are bytes from a row to the next. Nothing is read after the call. */
 int apso_bridge_observe(ApsoBridge* bridge, double timestamp, const unsigned char* grey, int grey_step, const float* depth_metres,
                         int depth_step, const double* T_world_camera_prior);
 /* 1 when the pixel belongs to something that moves, by the last apso_bridge_observe. */

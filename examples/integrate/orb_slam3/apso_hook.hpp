@@ -13,9 +13,12 @@
 #include <apso/opencv/adapters.hpp>
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/sophus/adapters.hpp>
+#include <apso/traits/frame.hpp>
 
 class ApsoHook {
  public:
+  using Pipeline = apso::BasicPipeline<Sophus::SE3f>;
+
   ApsoHook(float fx, float fy, float cx, float cy, int width, int height, const apso::PipelineOptions& options = {})
       : pipeline_(pinhole(fx, fy, cx, cy, width, height), options) {}
 
@@ -26,11 +29,10 @@ class ApsoHook {
   /// \param Tcw     best guess of the pose, e.g. mVelocity * mLastFrame.GetPose()
   template <class Frame>
   void BeforeTracking(const cv::Mat& grey, const cv::Mat& depth, const Sophus::SE3f& Tcw, Frame& frame) {
-    apso::copy_to_float(apso::opencv::as_image<unsigned char>(grey), 1.0 / 255, intensity_);
-    depth_ = depth;  // shares the pixels; they are needed until AfterTracking
-    T_world_predicted_ = apso::inverse(apso::to_pose(Tcw));
-    const apso::RgbdFrame images{frame.mTimeStamp, intensity_, apso::opencv::as_image<float>(depth_)};
-    const apso::Observation& seen = pipeline_.observe({images, T_world_predicted_, nullptr, nullptr, {}});
+    T_world_predicted_ = Tcw.inverse();
+    const auto images = apso::frame(frame.mTimeStamp, apso::opencv::as_image<unsigned char>(grey),
+                                    apso::opencv::as_image<float>(depth), pipeline_.camera());
+    const apso::Observation& seen = pipeline_.observe(images, T_world_predicted_);
     const apso::Image<float>& p = seen.mask.probability;
     moving_.assign(frame.mvKeysUn.size(), false);
     for (std::size_t i = 0; i < moving_.size(); ++i) {
@@ -50,11 +52,9 @@ class ApsoHook {
   /// \return whether the frame has a pose to go on with
   template <class Frame>
   bool AfterTracking(Frame& frame, bool ok) {
-    keypoints_.clear();
     tracks_.clear();
     std::unordered_map<unsigned long, apso::PointTrack> now;
     for (std::size_t i = 0; i < frame.mvKeysUn.size(); ++i) {
-      keypoints_.push_back(apso::to_keypoint(frame.mvKeysUn[i]));
       const auto* point = frame.mvpMapPoints[i];
       if (!point || frame.mvbOutlier[i]) continue;
       // A map point seen in consecutive frames is a track.
@@ -71,10 +71,10 @@ class ApsoHook {
       if (now.emplace(point->mnId, t).second) tracks_.push_back(t);
     }
     seen_.swap(now);
-    const apso::Pose T_world_feature = ok ? apso::inverse(apso::to_pose(frame.GetPose())) : T_world_predicted_;
-    pipeline_.assess({&keypoints_, &tracks_, T_world_feature, T_world_predicted_, ok});
-    const apso::FrameReport& report = pipeline_.conclude();
-    if (report.refined) frame.SetPose(apso::from_pose<Sophus::SE3f>(apso::inverse(report.T_world_camera)));
+    const Sophus::SE3f T_world_feature = ok ? frame.GetPose().inverse() : T_world_predicted_;
+    pipeline_.assess(frame.mvKeysUn, tracks_, {T_world_feature, T_world_predicted_, ok});
+    const Pipeline::Report& report = pipeline_.conclude();
+    if (report.refined) frame.SetPose(report.T_world_camera.inverse());
     return ok || report.refined;
   }
 
@@ -85,19 +85,16 @@ class ApsoHook {
     pipeline_.reset();
     seen_.clear();
   }
-  const apso::FrameReport& Report() const { return pipeline_.report(); }
+  const Pipeline::Report& Report() const { return pipeline_.report(); }
 
  private:
   static apso::Pinhole pinhole(double fx, double fy, double cx, double cy, int width, int height) {
     return {fx, fy, cx, cy, width, height};
   }
 
-  apso::Pipeline pipeline_;
-  apso::Image<float> intensity_;
-  cv::Mat depth_;
-  apso::Pose T_world_predicted_ = apso::Pose::Identity();
+  Pipeline pipeline_;
+  Sophus::SE3f T_world_predicted_;
   std::vector<bool> moving_;
-  std::vector<apso::Keypoint> keypoints_;
   std::vector<apso::PointTrack> tracks_;
   std::unordered_map<unsigned long, apso::PointTrack> seen_;  // by MapPoint::mnId, of the last frame
   std::int64_t next_track_ = 0;

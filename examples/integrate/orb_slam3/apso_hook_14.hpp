@@ -24,11 +24,10 @@ class ApsoHook {
 
   template <class Frame>
   void BeforeTracking(const cv::Mat& grey, const cv::Mat& depth, const Sophus::SE3f& Tcw, Frame& frame) {
-    depth_ = depth;  // shares the pixels; they are needed until AfterTracking
     double T[12];
     Invert(Tcw, T);
-    Check(apso_bridge_observe(bridge_, frame.mTimeStamp, grey.data, static_cast<int>(grey.step), depth_.ptr<float>(),
-                              static_cast<int>(depth_.step), T));
+    Check(apso_bridge_observe(bridge_, frame.mTimeStamp, grey.data, static_cast<int>(grey.step), depth.ptr<float>(),
+                              static_cast<int>(depth.step), T));
     moving_.assign(frame.mvKeysUn.size(), false);
     for (std::size_t i = 0; i < moving_.size(); ++i) {
       moving_[i] = apso_bridge_moves(bridge_, frame.mvKeysUn[i].pt.x, frame.mvKeysUn[i].pt.y) != 0;
@@ -84,7 +83,6 @@ class ApsoHook {
 
   ApsoBridge* bridge_;
   ApsoBridgeReport report_;
-  cv::Mat depth_;
   std::vector<bool> moving_;
   std::vector<ApsoBridgeKeypoint> keypoints_;
 };

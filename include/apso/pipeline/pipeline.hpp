@@ -3,129 +3,192 @@
 ///
 /// The feature tracker stays the host's own. A frame goes like this (T_prior: any guess of the pose):
 /// \code
-///   const auto& seen = pipeline.observe({frame, T_prior, &tracks});        // what moves?
+///   const auto now = apso::frame(timestamp, grey, apso::scaled(depth, 1 / 5000.F), camera);
+///   const auto& seen = pipeline.observe(now, T_prior, tracks);                         // what moves?
 ///   // ... the host tracks its features outside of seen.mask ...
-///   pipeline.assess({&keypoints, &tracks, T_world_feature, T_world_predicted, ok});  // can it be trusted?
-///   const auto& report = pipeline.conclude();                              // repair if BAD, remember if GOOD
+///   pipeline.assess(keypoints, tracks, {T_world_feature, T_world_predicted, ok});      // can it be trusted?
+///   const auto& report = pipeline.conclude();                                          // repair if BAD, remember if GOOD
 ///   // ... the host takes report.T_world_camera, and makes keyframes only if report.keyframe_allowed ...
 /// \endcode
+/// Images, keypoints, tracks, detections and poses are of any type with traits (docs/concepts). `apso::none` stands for a
+/// list or a mask that the host does not have. Nothing of the host's is referred to after a call has returned.
 #pragma once
 
 #include <cstdint>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include <apso/config.hpp>
 #include <apso/executor.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/observation/dynamic_mask.hpp>
-#include <apso/observation/policies/geometric_motion.hpp>
+#include <apso/observation/motion_policy.hpp>
 #include <apso/observation/objects/object_tracker.hpp>
+#include <apso/observation/policies/geometric_motion.hpp>
 #include <apso/options.hpp>
 #include <apso/pipeline/report.hpp>
+#include <apso/pipeline/requirements.hpp>
+#include <apso/pipeline/working_copy.hpp>
 #include <apso/quality/assessor.hpp>
 #include <apso/refinement/refiner.hpp>
+#include <apso/traits/pose.hpp>
+#include <apso/traits/ranges.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/keypoint.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/frame.hpp>
 #include <apso/types/track.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-struct PipelineOptions {
-  bool motion = true;      ///< find moving regions from geometry
+template <class AssessorOptionsT = AssessorOptions, class RefinerOptionsT = RefinerOptions>
+struct BasicPipelineOptions {
+  bool motion = true;      ///< ask the motion policy; false: a movable detection counts as moving (as in the paper)
   bool refinement = true;  ///< repair the pose of BAD frames
-  GeometricMotionOptions geometric_motion;
   ObjectTrackerOptions objects;
-  AssessorOptions assessor;
-  RefinerOptions refiner;
+  AssessorOptionsT assessor;
+  RefinerOptionsT refiner;
 
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("motion", s.motion);
     v("refinement", s.refinement);
-    v("geometric_motion", s.geometric_motion);
     v("objects", s.objects);
     v("assessor", s.assessor);
     v("refiner", s.refiner);
   }
 };
-
-/// What the first module sees. The images must stay alive until conclude().
-struct ObservationInput {
-  RgbdFrame frame;
-  Pose T_world_camera_prior = Pose::Identity();      ///< best guess of the pose before this frame is tracked
-  const std::vector<PointTrack>* tracks = nullptr;   ///< optional; sharpens the motion policy
-  const std::vector<Detection>* detections = nullptr;///< optional; from any detector
-  ImageView<const std::uint8_t> mask;                ///< optional; nonzero = dynamic, from any segmentation
-  const DynamicMask* moving = nullptr;               ///< optional; from a motion policy of the host's own, which then also
-                                                     ///< remembers the frame itself; joins the pipeline's own policy
-};
+using PipelineOptions = BasicPipelineOptions<>;
 
 /// What the first module found.
 struct Observation {
   DynamicMask mask;
-  std::vector<Detection> objects;  ///< with identity and motion probability
+  std::vector<Detection> objects;  ///< with identity and motion probability; their masks live until the next observe()
   double dynamic_ratio = 0;        ///< [0,1]
-  bool informative = false;        ///< some policy, mask or detection looked at the frame
+  bool informative = false;        ///< some policy, mask or detection said something about the frame
 };
 
-/// What the host's feature tracker found.
-struct FeatureObservation {
-  const std::vector<Keypoint>* keypoints = nullptr;
-  const std::vector<PointTrack>* tracks = nullptr;
-  Pose T_world_feature = Pose::Identity();    ///< pose from features
-  Pose T_world_predicted = Pose::Identity();  ///< pose from the motion model alone
-  bool ok = false;                            ///< feature tracking succeeded
+/// What the host's feature tracker says about the pose of a frame.
+template <class PoseT = Pose>
+struct FeaturePose {
+  PoseT T_world_feature = from_pose<PoseT>(Pose::Identity());    ///< pose from features
+  PoseT T_world_predicted = from_pose<PoseT>(Pose::Identity());  ///< pose from the motion model alone
+  bool ok = false;                                               ///< feature tracking succeeded
 };
 
 /// Owns the state of the three modules. Not thread-safe; use one per camera.
-class Pipeline {
+/// \tparam PoseT     any type with pose_traits: poses go in and come out as this
+/// \tparam MotionT   motion policy (observation/motion_policy.hpp)
+/// \tparam AssessorT made from (camera, options); like SceneAssessor
+/// \tparam RefinerT  made from (camera, options); like Refiner
+template <class PoseT = Pose, class MotionT = GeometricMotion, class AssessorT = SceneAssessor, class RefinerT = Refiner>
+class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT, RefinerT> {
  public:
-  explicit Pipeline(const Pinhole& camera, const PipelineOptions& options = {})
-      : camera_(camera),
-        options_(options),
-        motion_(camera, options.geometric_motion),
+  using Options = BasicPipelineOptions<detail::options_of_t<AssessorT>, detail::options_of_t<RefinerT>>;
+  using Assessment = detail::assessment_of_t<AssessorT>;
+  using Report = BasicFrameReport<PoseT, Assessment, detail::refinement_of_t<RefinerT>>;
+
+  /// With a motion policy that is made from the camera, in its default setting.
+  explicit BasicPipeline(const Pinhole& camera, const Options& options = {})
+      : BasicPipeline(camera, detail::make_motion<MotionT>(camera), options) {}
+  /// With a motion policy of the caller's.
+  BasicPipeline(const Pinhole& camera, MotionT motion, const Options& options = {})
+      : camera_(checked(camera)),
+        options_(checked(options)),
+        motion_(std::move(motion)),
         objects_(options.objects),
         assessor_(camera, options.assessor),
-        refiner_(camera, options.refiner) {
-    camera_.validate();
-    apso::validate(options_, "pipeline");
-  }
+        refiner_(camera, options.refiner) {}
 
-  /// Module 1. Throws contract_error if the images and the camera differ in size.
-  const Observation& observe(const ObservationInput& input);
-  /// Module 2, after observe() of the same frame.
-  const Assessment& assess(const FeatureObservation& features);
-  /// Module 3 on BAD frames, and the memory of all modules.
+  /// Module 1: what moves? Throws contract_error if images and camera differ in size or a number is not finite.
+  /// \param frame      made by frame(), or an RgbdFrame; of the pipeline's camera
+  /// \param T_world_camera_prior best guess of the pose before this frame is tracked
+  /// \param tracks     sharpens the motion policy; any range
+  /// \param detections from any detector; any range. If the motion policy finds objects, those count instead
+  /// \param mask       from any segmentation: an image of integers (nonzero = dynamic) or of probabilities in [0,1]
+  ///                   (NaN = unknown), or a DynamicMask. Joins what the motion policy says.
+  ///                   Each of the three may be `none`, or a pointer to what is said above, which may be null
+  /// \returns valid until the next call
+  template <class FrameT = RgbdFrame, class Tracks = None, class Detections = None, class Mask = None>
+  const Observation& observe(const FrameT& frame, const PoseT& T_world_camera_prior, const Tracks& tracks = none,
+                             const Detections& detections = none, const Mask& mask = none);
+
+  /// Module 2: can the frame be trusted? Once after each observe().
+  /// \param keypoints any range, or `none`: S_feature is then missing
+  /// \param tracks    any range, or `none`: S_mc is then missing
+  /// \returns valid until the next call
+  template <class Keypoints, class Tracks>
+  const Assessment& assess(const Keypoints& keypoints, const Tracks& tracks, const FeaturePose<PoseT>& pose);
+
+  /// Module 3 on BAD frames, and the memory of all modules. Once after each assess().
   /// \param executor for the refinement; the report does not depend on its threads
+  /// \returns valid until the next call
   template <class Executor = SerialExecutor>
-  const FrameReport& conclude(const Executor& executor = {});
+  const Report& conclude(const Executor& executor = {});
+
   /// Forgets everything.
   void reset();
 
   [[nodiscard]] const Observation& observation() const { return observation_; }
-  [[nodiscard]] const FrameReport& report() const { return report_; }
+  [[nodiscard]] const Report& report() const { return report_; }
+  [[nodiscard]] const Pinhole& camera() const { return camera_; }
+  [[nodiscard]] const Options& options() const { return options_; }
+  [[nodiscard]] const MotionT& motion() const { return motion_; }
+  [[nodiscard]] const AssessorT& assessor() const { return assessor_; }
+  [[nodiscard]] const RefinerT& refiner() const { return refiner_; }
 
  private:
-  void check_images(const ObservationInput& input) const;
+  enum class Step { Observe, Assess, Conclude };  // what comes next
+
+  static const Pinhole& checked(const Pinhole& camera) {
+    camera.validate();
+    return camera;
+  }
+  static const Options& checked(const Options& options) {
+    apso::validate(options, "pipeline");
+    return options;
+  }
+  // A type of the host's may have been rounded or may have drifted; apso's own is taken as it is.
+  [[nodiscard]] static Pose taken(const PoseT& T) {
+    if constexpr (std::is_same_v<PoseT, Pose>) {
+      return T;
+    } else {
+      return normalized(to_pose(T));
+    }
+  }
+  template <class FrameT>
+  void check_frame_size(const FrameT& frame) const;
+  template <class Mask>
+  void join_mask(const Mask& mask);
+  template <class Tracks>
+  const std::vector<PointTrack>& listed(const Tracks* tracks) {
+    if (tracks != nullptr) return as_tracks(*tracks, tracks_);
+    tracks_.clear();
+    return tracks_;
+  }
 
   Pinhole camera_;
-  PipelineOptions options_;
-  GeometricMotion motion_;
+  Options options_;
+  MotionT motion_;
   ObjectTracker objects_;
-  SceneAssessor assessor_;
-  Refiner refiner_;
-  RgbdFrame frame_;
-  FeatureObservation features_;
-  Observation observation_;
+  AssessorT assessor_;
+  RefinerT refiner_;
+  Step next_ = Step::Observe;
+  detail::WorkingCopy work_;
   DynamicMask external_;
-  FrameReport report_;
+  Observation observation_;
+  Pose T_world_feature_ = Pose::Identity();
+  Pose T_world_predicted_ = Pose::Identity();
+  bool feature_ok_ = false;
+  Report report_;
   Pose T_world_previous_ = Pose::Identity();
   bool has_previous_ = false;
-  std::vector<PointTrack> no_tracks_;
-  std::vector<Detection> no_detections_;
+  std::vector<PointTrack> tracks_;
+  std::vector<Keypoint> keypoints_;
 };
+
+/// The pipeline with apso's own poses, motion policy, assessor and refiner.
+using Pipeline = BasicPipeline<>;
 
 APSO_NAMESPACE_END
 

@@ -2,119 +2,165 @@
 /// Bodies of pipeline.hpp, apart so that the order of the method reads in one piece there.
 #pragma once
 
-#include <algorithm>
+#include <cmath>
 
 #include <apso/pipeline/pipeline.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-inline void Pipeline::check_images(const ObservationInput& input) const {
+template <class P, class M, class A, class R>
+template <class FrameT>
+void BasicPipeline<P, M, A, R>::check_frame_size(const FrameT& frame) const {
+  using Intensity = image_traits<std::decay_t<decltype(intensity_of(frame))>>;
+  using Depth = image_traits<std::decay_t<decltype(depth_of(frame))>>;
   const auto fits = [this](int w, int h) { return w == camera_.width && h == camera_.height; };
-  expects(fits(input.frame.intensity.width, input.frame.intensity.height),
+  expects(fits(Intensity::width(intensity_of(frame)), Intensity::height(intensity_of(frame))),
           "Pipeline::observe: the intensity image has another size than the camera");
-  expects(fits(input.frame.depth.width, input.frame.depth.height),
+  expects(fits(Depth::width(depth_of(frame)), Depth::height(depth_of(frame))),
           "Pipeline::observe: the depth image has another size than the camera");
-  expects(input.mask.empty() || fits(input.mask.width, input.mask.height),
-          "Pipeline::observe: the mask has another size than the camera");
-  expects(input.moving == nullptr || fits(input.moving->probability.width(), input.moving->probability.height()),
-          "Pipeline::observe: the mask of the motion policy has another size than the camera");
-  expects(is_finite(input.T_world_camera_prior), "Pipeline::observe: the prior pose is not finite");
+  expects(std::isfinite(frame.timestamp), "Pipeline::observe: the timestamp is not finite");
+  if constexpr (!std::is_same_v<FrameT, RgbdFrame>) {
+    constexpr double tolerance = 1e-3;  // [px]; the same camera may have been computed twice
+    const Pinhole& c = frame.camera;
+    expects(std::abs(c.fx - camera_.fx) <= tolerance && std::abs(c.fy - camera_.fy) <= tolerance &&
+                std::abs(c.cx - camera_.cx) <= tolerance && std::abs(c.cy - camera_.cy) <= tolerance,
+            "Pipeline::observe: the camera of the frame is not the pipeline's");
+  }
 }
 
-inline const Observation& Pipeline::observe(const ObservationInput& input) {
-  check_images(input);
-  const std::vector<PointTrack>& tracks = input.tracks ? *input.tracks : no_tracks_;
-  const std::vector<Detection>& detections = input.detections ? *input.detections : no_detections_;
-  frame_ = input.frame;
+template <class P, class M, class A, class R>
+template <class FrameT, class Tracks, class Detections, class Mask>
+const Observation& BasicPipeline<P, M, A, R>::observe(const FrameT& frame, const P& T_world_camera_prior, const Tracks& tracks,
+                                                      const Detections& detections, const Mask& mask) {
+  check_frame<FrameT>();
+  next_ = Step::Observe;
+  check_frame_size(frame);
+  const Pose T_prior = taken(T_world_camera_prior);
+  expects(is_finite(T_prior), "Pipeline::observe: the prior pose is not finite");
 
-  const bool moving = input.moving != nullptr && known_ratio(*input.moving) > 0;
-  observation_.informative = options_.motion || moving || !input.mask.empty() || input.detections != nullptr;
+  work_.take(frame, camera_.width, camera_.height);
+  const auto* const given_mask = detail::given(mask);
+  const auto* const given_detections = detail::given(detections);
+  const std::vector<Detection>* found = &work_.take_detections(given_detections);
+  const std::vector<PointTrack>& listed_tracks = listed(detail::given(tracks));
   if (options_.motion) {
-    motion_.observe(frame_, input.T_world_camera_prior, tracks, observation_.mask);
+    motion_.observe(work_.frame(), T_prior, listed_tracks, observation_.mask);
+    if (!detections_of(motion_).empty()) found = &detections_of(motion_);
   } else {
     set_unknown(camera_.width, camera_.height, observation_.mask);
   }
-  if (moving) combine(*input.moving, MaskCombination::Union, observation_.mask);
-  if (!input.mask.empty()) {
-    mask_from_labels(input.mask, external_);
-    combine(external_, MaskCombination::Union, observation_.mask);
-  } else if (!options_.motion && input.moving == nullptr && input.detections != nullptr) {
+  if (given_mask != nullptr) {
+    join_mask(*given_mask);
+  } else if (!options_.motion && given_detections != nullptr) {
     // Without any motion cue a movable detection counts as moving (semantic prior, as in the paper).
-    mask_from_detections(detections, camera_.width, camera_.height, false, external_);
+    mask_from_detections(*found, camera_.width, camera_.height, false, external_);
     combine(external_, MaskCombination::Union, observation_.mask);
   }
-  observation_.objects = objects_.update(observation_.mask, frame_.depth, detections, tracks);
+  observation_.informative =
+      given_mask != nullptr || given_detections != nullptr || detail::knows_something(observation_.mask);
+  observation_.objects = objects_.update(observation_.mask, work_.frame().depth, *found, listed_tracks);
   observation_.dynamic_ratio = dynamic_ratio(observation_.mask);
+  work_.forget_colour();
+  next_ = Step::Assess;
   return observation_;
 }
 
-inline const Assessment& Pipeline::assess(const FeatureObservation& features) {
-  expects(features.keypoints != nullptr && features.tracks != nullptr, "Pipeline::assess: keypoints or tracks missing");
-  expects(!frame_.intensity.empty(), "Pipeline::assess: call observe() for the frame first");
-  features_ = features;
-  AssessmentInput input;
-  input.frame = frame_;
-  input.dynamic_probability = observation_.mask.probability;
-  input.keypoints = features.keypoints;
-  input.tracks = features.tracks;
-  input.objects = &observation_.objects;
-  input.dynamic_ratio = observation_.dynamic_ratio;
-  input.feature_tracking_ok = features.ok;
-  return assessor_.assess(input);
+template <class P, class M, class A, class R>
+template <class Mask>
+void BasicPipeline<P, M, A, R>::join_mask(const Mask& mask) {
+  const auto check = [this](int w, int h) {
+    expects(w == camera_.width && h == camera_.height, "Pipeline::observe: the mask has another size than the camera");
+  };
+  if constexpr (std::is_same_v<Mask, DynamicMask>) {
+    check(mask.probability.width(), mask.probability.height());
+    combine(mask, MaskCombination::Union, observation_.mask);
+  } else if constexpr (!is_none_v<Mask>) {
+    check_image<Mask>();
+    check(image_traits<Mask>::width(mask), image_traits<Mask>::height(mask));
+    detail::read_mask(mask, external_);
+    combine(external_, MaskCombination::Union, observation_.mask);
+  }
 }
 
-template <class Executor>
-const FrameReport& Pipeline::conclude(const Executor& executor) {
-  report_ = FrameReport{};
-  report_.timestamp = frame_.timestamp;
-  report_.assessment = assessor_.assessment();
-  report_.state = report_.assessment.state;
-  report_.T_world_feature = features_.T_world_feature;
-  report_.T_world_camera = features_.ok ? features_.T_world_feature : features_.T_world_predicted;
+template <class P, class M, class A, class R>
+template <class Keypoints, class Tracks>
+auto BasicPipeline<P, M, A, R>::assess(const Keypoints& keypoints, const Tracks& tracks, const FeaturePose<P>& pose)
+    -> const Assessment& {
+  expects(next_ == Step::Assess, "Pipeline::assess: call observe() for the frame first, and assess() once");
+  feature_ok_ = pose.ok;
+  T_world_feature_ = taken(pose.T_world_feature);
+  T_world_predicted_ = taken(pose.T_world_predicted);
+  expects(is_finite(T_world_predicted_), "Pipeline::assess: T_world_predicted is not finite");
+  expects(!pose.ok || is_finite(T_world_feature_), "Pipeline::assess: T_world_feature is not finite, though feature tracking is ok");
 
+  AssessmentInput input;
+  input.frame = work_.frame();
+  input.dynamic_probability = observation_.mask.probability;
+  if (const auto* given = detail::given(keypoints)) input.keypoints = &as_keypoints(*given, keypoints_);
+  if (const auto* given = detail::given(tracks)) input.tracks = &as_tracks(*given, tracks_);
+  input.objects = &observation_.objects;
+  input.dynamic_ratio = observation_.dynamic_ratio;
+  input.feature_tracking_ok = feature_ok_;
+  report_ = Report{};
+  report_.timestamp = work_.frame().timestamp;
+  report_.T_world_feature = is_finite(T_world_feature_) ? pose.T_world_feature : pose.T_world_predicted;
+  report_.assessment = assessor_.assess(input);
+  report_.state = report_.assessment.state;
+  next_ = Step::Conclude;
+  return report_.assessment;
+}
+
+template <class P, class M, class A, class R>
+template <class Executor>
+auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Report& {
+  expects(next_ == Step::Conclude, "Pipeline::conclude: call assess() for the frame first, and conclude() once");
+  next_ = Step::Observe;
+  Pose T_world_camera = feature_ok_ ? T_world_feature_ : T_world_predicted_;
   const bool initialising = report_.state == SceneState::Initialising;
   if (report_.state == SceneState::Bad && options_.refinement) {
-    Refiner::Input input;
-    input.frame = frame_;
+    typename R::Input input;
+    input.frame = work_.frame();
     input.dynamic_probability = observation_.mask.probability;
     input.mask_informative = observation_.informative;
     input.dynamic_ratio = observation_.dynamic_ratio;
-    input.T_world_feature = features_.T_world_feature;
-    input.feature_ok = features_.ok;
-    input.T_world_predicted = features_.T_world_predicted;
-    input.T_world_previous = has_previous_ ? T_world_previous_ : features_.T_world_predicted;
+    input.T_world_feature = T_world_feature_;
+    input.feature_ok = feature_ok_;
+    input.T_world_predicted = T_world_predicted_;
+    input.T_world_previous = has_previous_ ? T_world_previous_ : T_world_predicted_;
     const MaybeDeviation& change = report_.assessment.S_change;
     input.S_change = change ? change->value() : 1.0;
     const MaybeQuality& feature = report_.assessment.S_feature;
     input.S_feature = feature ? feature->value() : 1.0;
     report_.refinement = refiner_.refine(input, executor);
     report_.refined = succeeded(report_.refinement.status) && report_.refinement.c_dir > 0;
-    if (report_.refined) report_.T_world_camera = report_.refinement.T_world_camera;
+    if (report_.refined) T_world_camera = report_.refinement.T_world_camera;
   }
   // Without features and without a trusted direct pose nothing was measured: the pose is a guess.
-  if (!features_.ok && !report_.refined) report_.state = SceneState::Lost;
+  if (!feature_ok_ && !report_.refined) report_.state = SceneState::Lost;
 
-  report_.T_world_camera = normalized(report_.T_world_camera);
-  report_.keyframe_allowed = features_.ok && (report_.state == SceneState::Good || initialising);
+  T_world_camera = normalized(T_world_camera);
+  report_.T_world_camera = from_pose<P>(T_world_camera);
+  report_.keyframe_allowed = feature_ok_ && (report_.state == SceneState::Good || initialising);
   if (options_.motion && report_.state != SceneState::Lost) {
-    motion_.remember(frame_, report_.T_world_camera, observation_.mask);
+    motion_.remember(work_.frame(), T_world_camera, observation_.mask);
   }
   if (report_.keyframe_allowed && options_.refinement) {
-    refiner_.remember(frame_, observation_.mask.probability, report_.T_world_camera, executor);
+    refiner_.remember(work_.frame(), observation_.mask.probability, T_world_camera, executor);
   }
-  T_world_previous_ = report_.T_world_camera;
+  T_world_previous_ = T_world_camera;
   has_previous_ = true;
   return report_;
 }
 
-inline void Pipeline::reset() {
+template <class P, class M, class A, class R>
+void BasicPipeline<P, M, A, R>::reset() {
   motion_.reset();
   objects_.reset();
   assessor_.reset();
   refiner_.reset();
   observation_ = {};
-  report_ = {};
-  frame_ = {};
+  report_ = Report{};
+  next_ = Step::Observe;
   has_previous_ = false;
 }
 

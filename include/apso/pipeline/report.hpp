@@ -6,18 +6,22 @@
 #include <apso/math/se3.hpp>
 #include <apso/quality/assessor.hpp>
 #include <apso/refinement/refiner.hpp>
+#include <apso/traits/pose.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-struct FrameReport {
+/// \tparam PoseT your pose type; the poses inside `refinement` are apso's
+template <class PoseT = Pose, class AssessmentT = Assessment, class RefinementT = Refinement>
+struct BasicFrameReport {
   double timestamp = 0;                      ///< [s]
   SceneState state = SceneState::Initialising;
-  Assessment assessment;                     ///< scores, weights, thresholds and flags of the frame
+  AssessmentT assessment;                    ///< scores, weights, thresholds and flags of the frame
   bool refined = false;                      ///< T_world_camera is the blend of feature and direct pose
-  Refinement refinement;                     ///< of this frame when it was BAD; status NotRun otherwise
-  Pose T_world_feature = Pose::Identity();   ///< pose of the feature tracker
-  Pose T_world_camera = Pose::Identity();    ///< final pose; in state Lost only the prediction
+  RefinementT refinement;                    ///< of this frame when it was BAD; status NotRun otherwise
+  PoseT T_world_feature = from_pose<PoseT>(Pose::Identity());  ///< pose of the feature tracker
+  PoseT T_world_camera = from_pose<PoseT>(Pose::Identity());   ///< final pose; in state Lost only the prediction
   bool keyframe_allowed = false;             ///< the map may learn from this frame (never on BAD)
 };
+using FrameReport = BasicFrameReport<>;
 
 APSO_NAMESPACE_END

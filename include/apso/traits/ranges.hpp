@@ -1,6 +1,7 @@
 /// \file
 /// Lists of keypoints, tracks and detections: any range that `for` can walk twice and whose elements have traits. `none`
-/// stands for a list or a mask that the caller does not have.
+/// stands for a list or a mask that the caller does not have; so does a null pointer to one, where that is known at run
+/// time only.
 #pragma once
 
 #include <iterator>
@@ -26,6 +27,19 @@ inline constexpr bool is_none_v = std::is_same_v<std::decay_t<T>, None>;
 namespace detail {
 template <class Range>
 using range_value_t = std::decay_t<decltype(*std::begin(std::declval<const Range&>()))>;
+
+/// Where an optional argument is: its address, what it points to if it is a pointer, null for `none`.
+template <class T>
+[[nodiscard]] const std::remove_pointer_t<T>* given(const T& argument) {
+  if constexpr (is_none_v<T>) {
+    (void)argument;
+    return nullptr;
+  } else if constexpr (std::is_pointer_v<T>) {
+    return argument;
+  } else {
+    return &argument;
+  }
+}
 }  // namespace detail
 
 /// `f(Keypoint)` for each keypoint of a range, in order; nothing for `none`.

@@ -1,0 +1,101 @@
+/// \file
+/// What BasicPipeline asks of its parts, with the sentence the compiler shows when something is missing.
+#pragma once
+
+#include <type_traits>
+#include <utility>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/observation/motion_policy.hpp>
+#include <apso/quality/assessor.hpp>
+#include <apso/traits/detail.hpp>
+#include <apso/traits/pose.hpp>
+#include <apso/types/pinhole.hpp>
+
+APSO_NAMESPACE_BEGIN
+namespace detail {
+
+template <class T>
+using options_call_t = decltype(std::declval<const T&>().options());
+template <class T>
+using assess_call_t = decltype(std::declval<T&>().assess(std::declval<const AssessmentInput&>()));
+template <class T>
+using reset_call_t = decltype(std::declval<T&>().reset());
+template <class T>
+using refine_call_t = decltype(std::declval<T&>().refine(std::declval<const typename T::Input&>()));
+template <class T>
+using remember_call_t = decltype(std::declval<T&>().remember(std::declval<const RgbdFrame&>(), std::declval<ImageView<const float>>(),
+                                                             std::declval<const Pose&>()));
+
+template <class T, class = void>
+struct options_of {
+  struct type {  // keeps the rest of the class readable for the compiler once the check has spoken
+    template <class Self, class V>
+    static void fields(Self&, V&&) {}
+  };
+};
+template <class T>
+struct options_of<T, std::void_t<options_call_t<T>>> {
+  using type = std::decay_t<options_call_t<T>>;
+};
+template <class T>
+using options_of_t = typename options_of<T>::type;
+
+template <class T>
+inline constexpr bool is_assessor_v = detected_v<assess_call_t, T> && detected_v<options_call_t, T> && detected_v<reset_call_t, T>;
+template <class T>
+inline constexpr bool is_refiner_v = detected_v<refine_call_t, T> && detected_v<remember_call_t, T> &&
+                                     detected_v<options_call_t, T> && detected_v<reset_call_t, T>;
+
+template <class T, bool = detected_v<assess_call_t, T>>
+struct assessment_of {
+  using type = std::decay_t<assess_call_t<T>>;
+};
+template <class T>
+struct assessment_of<T, false> {
+  using type = Assessment;
+};
+template <class T>
+using assessment_of_t = typename assessment_of<T>::type;
+
+template <class T, bool = detected_v<refine_call_t, T>>
+struct refinement_of {
+  using type = std::decay_t<refine_call_t<T>>;
+};
+template <class T>
+struct refinement_of<T, false> {
+  using type = int;
+};
+template <class T>
+using refinement_of_t = typename refinement_of<T>::type;
+
+/// Base of BasicPipeline, so that these checks come first in the compiler's output.
+template <class PoseT, class MotionT, class AssessorT, class RefinerT>
+struct RequirePipeline : private require_pose<PoseT> {
+  static_assert(is_motion_policy_v<MotionT>,
+                "apso: a motion policy needs observe(frame, T_world_camera_prior, tracks, mask), "
+                "remember(frame, T_world_camera, mask) and reset(); see apso/observation/motion_policy.hpp");
+  static_assert(is_assessor_v<AssessorT>,
+                "apso: an assessor needs assess(const AssessmentInput&), options() and reset(), and is made from "
+                "(camera, options); see apso/quality/assessor.hpp");
+  static_assert(is_refiner_v<RefinerT>,
+                "apso: a refiner needs a type Input, refine(const Input&), remember(frame, dynamic_probability, "
+                "T_world_camera), options() and reset(), and is made from (camera, options); see apso/refinement/refiner.hpp");
+};
+
+/// A motion policy in its default setting.
+template <class MotionT>
+[[nodiscard]] MotionT make_motion(const Pinhole& camera) {
+  constexpr bool from_camera = std::is_constructible_v<MotionT, const Pinhole&>;
+  static_assert(from_camera || std::is_default_constructible_v<MotionT>,
+                "apso: this motion policy is not made from a camera alone; hand it over: BasicPipeline(camera, policy, options)");
+  if constexpr (from_camera) {
+    return MotionT(camera);
+  } else {
+    return MotionT();
+  }
+}
+
+}  // namespace detail
+APSO_NAMESPACE_END

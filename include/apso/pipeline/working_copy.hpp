@@ -1,0 +1,115 @@
+/// \file
+/// The pipeline's own copy of a frame: the one place where an image of the host is copied.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <vector>
+
+#include <apso/config.hpp>
+#include <apso/observation/dynamic_mask.hpp>
+#include <apso/traits/frame.hpp>
+#include <apso/traits/ranges.hpp>
+#include <apso/traits/rows.hpp>
+#include <apso/types/detection.hpp>
+#include <apso/types/frame.hpp>
+#include <apso/types/image_view.hpp>
+
+APSO_NAMESPACE_BEGIN
+namespace detail {
+
+/// Intensity and depth of a frame as float, and its detections with their masks. Allocates only when it grows.
+class WorkingCopy {
+ public:
+  /// Reads both images in one pass, row by row.
+  template <class FrameT>
+  void take(const FrameT& frame, int width, int height) {
+    const auto& intensity = intensity_of(frame);
+    const auto& depth = depth_of(frame);
+    intensity_.resize(width, height);
+    depth_.resize(width, height);
+    for (int y = 0; y < height; ++y) {
+      copy_row(intensity, y, width, intensity_.row(y));
+      copy_row(depth, y, width, depth_.row(y));
+    }
+    frame_.timestamp = frame.timestamp;
+    frame_.intensity = intensity_.view();
+    frame_.depth = depth_.view();
+    frame_.colour = frame.colour;
+  }
+  /// Lets go of the colour image, which was not copied.
+  void forget_colour() { frame_.colour = {}; }
+  [[nodiscard]] const RgbdFrame& frame() const { return frame_; }
+
+  /// \param range null for none
+  template <class Range>
+  const std::vector<Detection>& take_detections(const Range* range) {
+    detections_.clear();
+    if (range == nullptr) return detections_;
+    std::size_t masks = 0;
+    for_each_detection(*range, [&](const Detection& d) {
+      detections_.push_back(d);
+      if (d.mask.empty()) return;
+      if (masks == masks_.size()) masks_.emplace_back();
+      Image<std::uint8_t>& own = masks_[masks++];
+      own.resize(d.mask.width, d.mask.height);
+      for (int y = 0; y < d.mask.height; ++y) std::copy_n(d.mask.row(y), d.mask.width, own.row(y));
+    });
+    masks = 0;  // views last: the vector may have moved
+    for (Detection& d : detections_) {
+      if (!d.mask.empty()) d.mask = masks_[masks++].view();
+    }
+    return detections_;
+  }
+
+ private:
+  template <class ImageT>
+  static void copy_row(const ImageT& image, int y, int width, float* out) {
+    if (const float* in_place = row_in_place(image, y)) {
+      std::copy_n(in_place, width, out);
+    } else {
+      read_row(image, y, out);
+    }
+  }
+
+  Image<float> intensity_;
+  Image<float> depth_;
+  RgbdFrame frame_;
+  std::vector<Detection> detections_;
+  std::vector<Image<std::uint8_t>> masks_;
+};
+
+/// Any image as a mask: integers say dynamic where they are not 0, floats are probabilities, unknown where NaN.
+template <class ImageT>
+void read_mask(const ImageT& image, DynamicMask& out) {
+  using Traits = image_traits<ImageT>;
+  using Value = typename Traits::value_type;
+  const int width = Traits::width(image);
+  const int height = Traits::height(image);
+  out.probability.resize(width, height);
+  out.known.assign(width, height, 1);
+  for (int y = 0; y < height; ++y) {
+    float* p = out.probability.row(y);
+    read_row(image, y, p);
+    for (int x = 0; x < width; ++x) {
+      if constexpr (std::is_integral_v<Value>) {
+        p[x] = p[x] != 0.0F ? 1.0F : 0.0F;
+      } else {
+        if (std::isnan(p[x])) out.known(x, y) = 0;
+        p[x] = p[x] > 0.0F ? std::min(p[x], 1.0F) : 0.0F;  // NaN becomes 0
+      }
+    }
+  }
+}
+
+/// Some pixel of the mask has evidence.
+[[nodiscard]] inline bool knows_something(const DynamicMask& mask) {
+  const std::uint8_t* known = mask.known.data();
+  return std::any_of(known, known + mask.known.size(), [](std::uint8_t k) { return k != 0; });
+}
+
+}  // namespace detail
+APSO_NAMESPACE_END
