@@ -16,7 +16,6 @@ using namespace apso;
 
 namespace {
 const Pinhole kCamera = room::camera(160);
-constexpr double kDegree = 3.14159265358979 / 180;
 
 void build(const room::Frame& f, FramePyramid& out) {
   PyramidOptions o;
