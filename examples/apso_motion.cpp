@@ -60,14 +60,14 @@ struct Truth {
 class TrueMask {
  public:
   explicit TrueMask(const Truth* truth) : truth_(truth) {}
-  void observe(const apso::RgbdFrame& frame, const apso::Pose&, const std::vector<apso::PointTrack>&, apso::DynamicMask& out) {
+  void observe(const apso::AnyFrame& frame, const apso::AnyPose&, const apso::AnyTracks&, apso::DynamicMask& out) {
     if (truth_->mask.empty()) {
-      apso::set_unknown(frame.depth.width, frame.depth.height, out);
+      apso::set_unknown(frame.depth().width(), frame.depth().height(), out);
     } else {
       apso::mask_from_labels(apso::opencv::as_image<std::uint8_t>(truth_->mask), out);
     }
   }
-  void remember(const apso::RgbdFrame&, const apso::Pose&, const apso::DynamicMask&) {}
+  void remember(const apso::AnyFrame&, const apso::AnyPose&, const apso::DynamicMask&) {}
   void reset() {}
 
  private:
@@ -78,13 +78,13 @@ class TrueMask {
 class TrueBoxes {
  public:
   explicit TrueBoxes(const Truth* truth) : truth_(truth) {}
-  const std::vector<apso::Detection>& detect(const apso::RgbdFrame&) {
+  const std::vector<apso::Detection>& detect(const apso::AnyFrame&) {
     found_.clear();
     if (truth_->mask.empty()) return found_;
-    double most = 0;
-    cv::minMaxLoc(truth_->mask, nullptr, &most);
+    double largest = 0;
+    cv::minMaxLoc(truth_->mask, nullptr, &largest);
     cv::Mat labels;  // masks from files have one value for all people; then each region is one
-    const int count = most < 16 ? static_cast<int>(most) + 1 : cv::connectedComponents(truth_->mask != 0, labels, 8, CV_32S);
+    const int count = largest < 16 ? static_cast<int>(largest) + 1 : cv::connectedComponents(truth_->mask != 0, labels, 8, CV_32S);
     for (int k = 1; k < count; ++k) {
       const cv::Rect r = cv::boundingRect(labels.empty() ? cv::Mat(truth_->mask == k) : cv::Mat(labels == k));
       if (r.area() < 400) continue;
@@ -183,14 +183,12 @@ std::vector<Score> run(Sequence& s, const Arguments& a, const apso::opencv::Moti
   Truth truth;
   apso::opencv::MotionFiles files;
   files.model = a.model;
-  const auto make = [&](const std::string& name, std::optional<apso::AnyMotionPolicy> inner) -> apso::AnyMotionPolicy {
-    if (name == "truth") return TrueMask(&truth);
-    if (name == "boxes") return apso::opencv::DetectorPolicy<TrueBoxes>(TrueBoxes(&truth));
-    if (!inner) return apso::opencv::motion_by_name(name, camera, options, files);
-    return apso::opencv::wrap_motion(name, std::move(*inner), camera, options);
-  };
+  const apso::PolicyTable own{{"truth", [&] { return TrueMask(&truth); }},
+                              {"boxes", [&] { return apso::opencv::DetectorPolicy<TrueBoxes>(TrueBoxes(&truth)); }}};
   std::vector<std::unique_ptr<Runner>> runners;
-  for (const std::string& p : a.policies) runners.push_back(std::make_unique<Runner>(apso::parse_policy(p, make), camera));
+  for (const std::string& p : a.policies) {
+    runners.push_back(std::make_unique<Runner>(apso::opencv::motion_by_name(p, camera, options, files, own), camera));
+  }
 
   track::LoadedFrame frame;
   const int total = a.frames > 0 ? std::min(a.frames, s.source->size()) : s.source->size();

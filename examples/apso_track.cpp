@@ -374,8 +374,11 @@ int main(int argc, char** argv) {
                                                "text file per image, named by its stamp, lines: class cx cy width height [score] in\n"
                                                "shares of the image, or left:.. top:.. right:.. bottom:.. class:NAME [score]");
   std::string policies;
-  for (const apso::opencv::MotionName& n : apso::opencv::motion_names()) {
-    policies += "\n  " + std::string(n.name) + (n.takes_policy ? "(P): " : ": ") + n.summary;
+  const apso::opencv::MotionOptions motion_options;
+  const apso::opencv::MotionFiles motion_files;
+  const apso::Pinhole any_camera;
+  for (const apso::NamedPolicy& p : apso::opencv::motion_table(any_camera, motion_options, motion_files)) {
+    policies += "\n  " + p.name + (p.takes_policy() ? "(P): " : ": ") + p.summary;
   }
   app.add_option("--motion", a.motion, "motion policy, or several: P+Q either, P*Q both, P&Q objects of P that Q sees move; brackets\n"
                                        "group. P and Q are:" + policies)->capture_default_str();

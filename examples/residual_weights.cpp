@@ -19,14 +19,10 @@ namespace {
 constexpr int kFactor = 2;  // the picture has half the size
 
 apso::SmallFrame small_frame(const cv::Mat& grey, const cv::Mat& depth, const apso::Pinhole& camera) {
-  cv::Mat intensity, metres;
-  grey.convertTo(intensity, CV_32F, 1.0 / 255);
-  depth.convertTo(metres, CV_32F, 1.0 / 5000);
-  apso::RgbdFrame frame;
-  frame.intensity = {intensity.ptr<float>(), intensity.cols, intensity.rows, intensity.cols};
-  frame.depth = {metres.ptr<float>(), metres.cols, metres.rows, metres.cols};
+  const auto metres = apso::scaled(apso::opencv::as_image<std::uint16_t>(depth), 1.0F / 5000);
   apso::SmallFrame out;
-  apso::reduce_frame(frame, kFactor, apso::DepthRange{}, camera, out);
+  apso::FrameReducer reducer(camera, camera.width / kFactor, apso::DepthRange{});
+  reducer.frame(apso::frame(0, apso::opencv::as_image<std::uint8_t>(grey), metres, camera), out);
   return out;
 }
 
@@ -64,15 +60,15 @@ int main(int argc, char** argv) {
               found.confidence, 100 * found.detail.static_share);
 
   const apso::Pinhole half = apso::reduced_camera(camera, kFactor);
-  const apso::SmallFrame past = small_frame(images[0], images[1], half);
-  const apso::SmallFrame current = small_frame(images[2], images[3], half);
+  const apso::SmallFrame past = small_frame(images[0], images[1], camera);
+  const apso::SmallFrame current = small_frame(images[2], images[3], camera);
   const apso::FloatPose warp(apso::inverse(found.T_current_reference));
   cv::Mat picture(half.height, half.width, CV_8UC3);
   for (int y = 0; y < half.height; ++y) {
     for (int x = 0; x < half.width; ++x) {
       apso::WarpedPixel p;
       const double grey = 255 * static_cast<double>(current.intensity(x, y));
-      const bool seen = apso::warp_pixel(current, x, y, past, half, warp, apso::LowResAlignmentOptions{}, p);
+      const bool seen = apso::warp_pixel(current, x, y, past, half, warp, p);
       const double w = seen ? weight(p) : 1;  // where nothing is compared the picture stays grey
       const auto dim = cv::saturate_cast<std::uint8_t>(grey * w);
       picture.at<cv::Vec3b>(y, x) = {dim, dim, cv::saturate_cast<std::uint8_t>(grey + (255 - grey) * (1 - w))};

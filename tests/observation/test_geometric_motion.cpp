@@ -389,7 +389,7 @@ TEST_CASE("wrong calls are refused") {
   GeometricMotion motion(camera());
   Image<float> small(10, 10, 1.0F);
   DynamicMask m;
-  CHECK_THROWS_AS(motion.observe({0, small, small}, Pose::Identity(), {}, m), contract_error);
+  CHECK_THROWS_AS(motion.observe(RgbdFrame{0, small, small}, Pose::Identity(), {}, m), contract_error);
   Scene s;
   s.render(Pose::Identity(), std::nullopt);
   set_unknown(3, 3, m);

@@ -10,7 +10,7 @@
 #include <apso/observation/policies/cluster_residual.hpp>
 #include <apso/observation/policies/epipolar_motion.hpp>
 #include <apso/observation/policies/geometric_motion.hpp>
-#include <apso/observation/motion_policy.hpp>
+#include <apso/observation/combined_policy.hpp>
 #include <apso/observation/policies/multiview_depth.hpp>
 #include <apso/observation/policies/residual_motion.hpp>
 #include <apso/testing/numeric_jacobian.hpp>
@@ -93,7 +93,7 @@ TEST_CASE("every policy keeps the requirement of motion_policy.hpp") {
 
 TEST_CASE("residual: a walking slab stands out, a resting one does not") {
   ResidualMotionOptions options;
-  options.mask.dilation = 0;
+  options.dilation = 0;
   ResidualMotion policy(camera(), options);
   const Outcome o = run(policy, true);
   CHECK(o.recall > 0.6);
@@ -108,7 +108,7 @@ TEST_CASE("residual: a walking slab stands out, a resting one does not") {
 
 TEST_CASE("cluster-residual: a walking slab gets clusters of its own that do not rest") {
   ClusterResidualOptions options;
-  options.mask.dilation = 0;
+  options.dilation = 0;
   ClusterResidual policy(camera(), options);
   const Outcome o = run(policy, true);
   CHECK(o.recall > 0.6);
@@ -123,7 +123,7 @@ TEST_CASE("cluster-residual: a walking slab gets clusters of its own that do not
 
 TEST_CASE("multiview-depth: what stands well in front of the background of key views has moved in") {
   MultiViewDepthOptions options;
-  options.mask.dilation = 0;
+  options.dilation = 0;
   MultiViewDepth policy(camera(), options);
   const Outcome o = run(policy, true);
   CHECK(policy.view_count() > 2);
@@ -139,7 +139,7 @@ TEST_CASE("multiview-depth: what stands well in front of the background of key v
 
 TEST_CASE("epipolar: tracks that leave their lines mark their surface") {
   EpipolarMotionOptions options;
-  options.mask.dilation = 0;
+  options.dilation = 0;
   EpipolarMotion policy(camera(), options);
   const Outcome o = run(policy, true);
   CHECK(o.recall > 0.6);
@@ -150,7 +150,7 @@ TEST_CASE("epipolar: tracks that leave their lines mark their surface") {
 
 TEST_CASE("epipolar: a camera that only turns has no epipolar lines, and is judged by prediction") {
   EpipolarMotionOptions options;
-  options.mask.dilation = 0;
+  options.dilation = 0;
   EpipolarMotion policy(camera(), options);
   CHECK(run(policy, false, Camera::Turning, 30).worst_share < 0.01);
   CHECK(policy.model() == EpipolarModel::Prediction);
@@ -255,7 +255,7 @@ SmallFrame small_frame(const Pose& T, double noise) {
   s.textured = true;
   s.render(T, std::nullopt, noise);
   SmallFrame f;
-  reduce_frame(s.frame(0), 2, DepthRange{}, reduced_camera(camera(), 2), f);
+  FrameReducer(camera(), camera().width / 2, DepthRange{}).frame(s.frame(0), f);
   f.T_world_camera = T;
   return f;
 }
@@ -267,10 +267,9 @@ TEST_CASE("low-res alignment: derivatives of both residuals agree with differenc
   xi << 0.03, -0.02, 0.04, 0.01, -0.015, 0.02;
   const SmallFrame current = small_frame(se3_exp(xi), 0);
   const Pose T = se3_exp(xi);
-  const LowResAlignmentOptions options;
   const auto residuals = [&](int x, int y, const Twist& d, WarpedPixel& p) {
     const Pose moved = se3_exp(d) * T;
-    return warp_pixel(current, x, y, past, c, FloatPose(moved), options, p);
+    return warp_pixel(current, x, y, past, c, FloatPose(moved), p);
   };
   int checked = 0;
   for (int y = 5; y < 115; y += 7) {
@@ -316,13 +315,13 @@ TEST_CASE("low-res alignment: a wrong prior is corrected, and a mask keeps what 
   const SmallFrame past = small_frame(Pose::Identity(), 1.0);
   const SmallFrame current = small_frame(T_past_current, 1.0);
   std::vector<float> scratch;
-  const LowResAlignment a = align_low_res(current, past, c, Pose::Identity(), nullptr, {}, scratch);
+  const LowResAlignment a = align_low_res(current, past, c, Pose::Identity(), nullptr, 8, scratch);
   REQUIRE(succeeded(a.status));
   const Pose error = inverse(T_past_current) * a.T_past_current;
   CHECK(error.translation().norm() < 0.005);
   CHECK(rotation_angle(error) < 0.002);
   const Image<float> nothing(c.width, c.height, 0.0F);
-  const LowResAlignment none = align_low_res(current, past, c, Pose::Identity(), &nothing, {}, scratch);
+  const LowResAlignment none = align_low_res(current, past, c, Pose::Identity(), &nothing, 8, scratch);
   CHECK(none.status == Status::TooFewPixels);
   CHECK(none.T_past_current.isApprox(Pose::Identity()));
 }
@@ -332,7 +331,8 @@ TEST_CASE("clusters cover the depth, stay within the asked number, and know thei
   s.render(Pose::Identity(), Slab{}, 0);
   Image<float> depth;
   const Pinhole c = reduced_camera(camera(), 2);
-  reduce_depth(s.depth, 2, DepthRange{}, c.width, c.height, depth);
+  BlockRows rows_of_blocks;
+  reduce_depth(s.depth, 2, DepthRange{}, c.width, c.height, rows_of_blocks, depth);
   PointClusters k;
   cluster_points(depth, c, 6, 4, 4, k);
   REQUIRE(k.centre.size() == 24);

@@ -8,7 +8,7 @@
 
 #include <apso/observation/policies/depth_refined_mask.hpp>
 #include <apso/observation/policies/mask_propagation.hpp>
-#include <apso/observation/motion_policy.hpp>
+#include <apso/observation/combined_policy.hpp>
 #include <apso/observation/policy_expression.hpp>
 #include <apso/observation/soft_weights.hpp>
 #include <apso/observation/policies/temporal_filter.hpp>
@@ -31,9 +31,9 @@ struct Told {
   int calls = 0;
   int remembered = 0;
 
-  void observe(const RgbdFrame& frame, const Pose&, const std::vector<PointTrack>&, DynamicMask& out) {
-    out.probability.assign(frame.depth.width, frame.depth.height, 0.0F);
-    out.known.assign(frame.depth.width, frame.depth.height, outside_known ? 1 : 0);
+  void observe(const AnyFrame& frame, const Pose&, const std::vector<PointTrack>&, DynamicMask& out) {
+    out.probability.assign(frame.depth().width(), frame.depth().height(), 0.0F);
+    out.known.assign(frame.depth().width(), frame.depth().height(), outside_known ? 1 : 0);
     if (!boxes.empty()) {
       const Box b = boxes[std::min(static_cast<std::size_t>(calls), boxes.size() - 1)];
       for (int y = static_cast<int>(b.y); y < static_cast<int>(b.y + b.height); ++y) {
@@ -45,7 +45,7 @@ struct Told {
     }
     ++calls;
   }
-  void remember(const RgbdFrame&, const Pose&, const DynamicMask&) { ++remembered; }
+  void remember(const AnyFrame&, const Pose&, const DynamicMask&) { ++remembered; }
   void reset() { calls = remembered = 0; }
   [[nodiscard]] const std::vector<Detection>& detections() const { return objects; }
 };
@@ -60,7 +60,7 @@ Told told(Box box, float value = 1.0F) {
 DynamicMask once(AnyMotionPolicy policy) {
   static const Image<float> depth(320, 240, 2.0F);
   DynamicMask m;
-  policy.observe({0, depth, depth}, Pose::Identity(), {}, m);
+  policy.observe(RgbdFrame{0, depth, depth}, Pose::Identity(), {}, m);
   return m;
 }
 
@@ -104,11 +104,11 @@ TEST_CASE("the gate judges detections one by one, and leaves to the first what t
   people.boxes = {};
   struct Boxes {  // marks its detections
     Told t;
-    void observe(const RgbdFrame& f, const Pose&, const std::vector<PointTrack>&, DynamicMask& out) {
+    void observe(const AnyFrame& f, const Pose&, const std::vector<PointTrack>&, DynamicMask& out) {
       for (Detection& d : t.objects) d.score = 1.0F;
-      mask_from_detections(t.objects, f.depth.width, f.depth.height, false, out);
+      mask_from_detections(t.objects, f.depth().width(), f.depth().height(), false, out);
     }
-    void remember(const RgbdFrame&, const Pose&, const DynamicMask&) {}
+    void remember(const AnyFrame&, const Pose&, const DynamicMask&) {}
     void reset() {}
     [[nodiscard]] const std::vector<Detection>& detections() const { return t.objects; }
   };
@@ -125,7 +125,7 @@ TEST_CASE("the gate judges detections one by one, and leaves to the first what t
 
 TEST_CASE("expressions: precedence, brackets, arguments") {
   const auto at = [](const std::string& text) {
-    const DynamicMask m = once(parse_policy(text, by_letter));
+    const DynamicMask m = once(parse_policy(text, PolicyFactory(by_letter)));
     std::string seen;  // a|ab|ab c|bc|c : left to right over the three rectangles
     for (int x : {110, 130, 138, 150, 170}) seen += m.probability(x, 120) >= 0.5F ? '1' : '0';
     return seen;
@@ -143,10 +143,10 @@ TEST_CASE("expressions: precedence, brackets, arguments") {
   CHECK(policy_names("x + same(y & z)") == std::vector<std::string>{"x", "y", "z", "same"});
   for (const char* wrong : {"", "a+", "a b", "(a", "a)", "+a", "a(b)", "d", "same()", "a,b"}) {
     CAPTURE(wrong);
-    CHECK_THROWS_AS((void)parse_policy(wrong, by_letter), contract_error);
+    CHECK_THROWS_AS((void)parse_policy(wrong, PolicyFactory(by_letter)), contract_error);
   }
   try {
-    (void)parse_policy("a + (b", by_letter);
+    (void)parse_policy("a + (b", PolicyFactory(by_letter));
     CHECK(false);
   } catch (const contract_error& e) {
     CHECK(std::string(e.what()).find("character 7") != std::string::npos);
@@ -236,12 +236,12 @@ TEST_CASE("mask-propagation: between two looks the mask walks with the slab") {
     int calls = 0;
     Detection d;
     std::vector<Detection> found;
-    void observe(const RgbdFrame&, const Pose&, const std::vector<PointTrack>&, DynamicMask& out) {
+    void observe(const AnyFrame&, const Pose&, const std::vector<PointTrack>&, DynamicMask& out) {
       mask_from_labels(scene->truth.view(), out);
       found = {d};
       ++calls;
     }
-    void remember(const RgbdFrame&, const Pose&, const DynamicMask&) {}
+    void remember(const AnyFrame&, const Pose&, const DynamicMask&) {}
     void reset() {}
     [[nodiscard]] const std::vector<Detection>& detections() const { return found; }
   };

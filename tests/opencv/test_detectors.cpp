@@ -325,20 +325,20 @@ TEST_CASE("precomputed: masks and boxes of the stamp, unknown without") {
   opencv::PrecomputedMotion policy(camera, (f.path / "m").string(), (f.path / "boxes.txt").string());
   const Image<float> depth(100, 80, 1.0F);
   DynamicMask m;
-  policy.observe({5.003, depth, depth}, Pose::Identity(), {}, m);
+  policy.observe(RgbdFrame{5.003, depth, depth}, Pose::Identity(), {}, m);
   CHECK(m.probability(20, 30) == 1.0F);
   CHECK(m.probability(70, 20) == doctest::Approx(0.9));
   CHECK(m.probability(50, 70) == 0.0F);
   CHECK(known_ratio(m) == 1.0);
   CHECK(policy.detections().size() == 1);
-  policy.observe({6.0, depth, depth}, Pose::Identity(), {}, m);
+  policy.observe(RgbdFrame{6.0, depth, depth}, Pose::Identity(), {}, m);
   CHECK(m.probability(5, 5) == doctest::Approx(0.8));
   CHECK(m.known(20, 30) == 0);
   CHECK(m.known(70, 20) == 0);  // a chair does not move
   CHECK(policy.detections().size() == 2);
   cv::imwrite((f.path / "m" / "7.000000.png").string(), cv::Mat(10, 10, CV_8U, cv::Scalar(0)));
   opencv::PrecomputedMotion wrong(camera, (f.path / "m").string(), "");
-  CHECK_THROWS_AS(wrong.observe({7.0, depth, depth}, Pose::Identity(), {}, m), io_error);
+  CHECK_THROWS_AS(wrong.observe(RgbdFrame{7.0, depth, depth}, Pose::Identity(), {}, m), io_error);
   CHECK_THROWS_AS(opencv::PrecomputedMotion(camera, (f.path / "nowhere").string(), ""), io_error);
   CHECK_THROWS_AS(opencv::PrecomputedMotion(camera, "", ""), contract_error);
 }
@@ -352,10 +352,9 @@ TEST_CASE("every policy can be had by its name, alone and combined, and runs") {
   }());
   testing::SyntheticFrame f;
   std::vector<std::string> texts;
-  for (const opencv::MotionName& n : opencv::motion_names()) {
-    const std::string name = n.name;
-    if (name == "dnn" || name == "precomputed") continue;  // need files
-    texts.push_back(n.takes_policy ? name + "(geometric)" : name);
+  for (const NamedPolicy& p : opencv::motion_table(sequence.camera(), {}, {})) {
+    if (p.name == "dnn" || p.name == "precomputed") continue;  // need files
+    texts.push_back(p.takes_policy() ? p.name + "(geometric)" : p.name);
   }
   texts.insert(texts.end(), {"motion", "semantic & motion", "geometric+residual", "temporal-filter(residual*multiview-depth)"});
   for (const std::string& text : texts) {
@@ -386,7 +385,7 @@ TEST_CASE("names that are wrong, or lack their files, say so") {
   CHECK(message("geometrc").find("known are: geometric, epipolar") != std::string::npos);
   CHECK(message("dnn").find("needs the file of a network") != std::string::npos);
   CHECK(message("geometric+precomputed").find("needs a folder of masks") != std::string::npos);
-  CHECK(message("mask-propagation").find("mask-propagation(hog-people)") != std::string::npos);
+  CHECK(message("mask-propagation").find("'mask-propagation' needs another policy in brackets") != std::string::npos);
   CHECK(message("residual(geometric)").find("takes no policy in brackets") != std::string::npos);
   CHECK(message("geometric +").find("character 12") != std::string::npos);
 }

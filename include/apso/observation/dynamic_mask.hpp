@@ -10,6 +10,7 @@
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/traits/any.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/score.hpp>
@@ -30,18 +31,21 @@ inline void set_unknown(int width, int height, DynamicMask& out) {
 
 /// Dynamic_ratio of the paper as an area: mean probability over the image, unknown pixels with the probability
 /// they carry; 0 for an empty mask.
-[[nodiscard]] inline double dynamic_ratio(ImageView<const float> probability) {
+/// \param probability any image of probabilities, [0,1]; NaN counts as 0
+[[nodiscard]] inline double dynamic_ratio(const AnyImage& probability) {
   if (probability.empty()) return 0.0;
+  std::vector<float> buffer;
+  auto read = rows(probability, buffer);
   double sum = 0;
-  for (int y = 0; y < probability.height; ++y) {
-    const float* p = probability.row(y);
+  for (int y = 0; y < probability.height(); ++y) {
+    const float* p = read(y);
     float row = 0;
-    for (int x = 0; x < probability.width; ++x) row += p[x] > 0.0F ? std::min(p[x], 1.0F) : 0.0F;  // NaN counts as 0
+    for (int x = 0; x < probability.width(); ++x) row += p[x] > 0.0F ? std::min(p[x], 1.0F) : 0.0F;
     sum += static_cast<double>(row);
   }
-  return clamp01(sum / static_cast<double>(probability.size()));
+  return clamp01(sum / (static_cast<double>(probability.width()) * probability.height()));
 }
-[[nodiscard]] inline double dynamic_ratio(const DynamicMask& mask) { return dynamic_ratio(mask.probability.view()); }
+[[nodiscard]] inline double dynamic_ratio(const DynamicMask& mask) { return dynamic_ratio(mask.probability); }
 
 /// Share of the pixels that have evidence, [0,1].
 [[nodiscard]] inline double known_ratio(const DynamicMask& mask) {
@@ -134,42 +138,58 @@ inline void combine(const DynamicMask& other, MaskCombination how, DynamicMask& 
   }
 }
 
-/// Mask from an 8-bit image, as networks write them: nonzero (usually 255) = dynamic. Everything is known.
-inline void mask_from_labels(ImageView<const std::uint8_t> labels, DynamicMask& out) {
+/// Mask from an image of labels of any type, as networks write them: nonzero (usually 255) = dynamic. Everything is known.
+inline void mask_from_labels(const AnyImage& labels, DynamicMask& out) {
   expects(!labels.empty(), "mask_from_labels: empty image");
-  out.probability.resize(labels.width, labels.height);
-  out.known.assign(labels.width, labels.height, 1);
-  for (int y = 0; y < labels.height; ++y) {
-    const std::uint8_t* l = labels.row(y);
+  out.probability.resize(labels.width(), labels.height());
+  out.known.assign(labels.width(), labels.height(), 1);
+  for (int y = 0; y < labels.height(); ++y) {
     float* p = out.probability.row(y);
-    for (int x = 0; x < labels.width; ++x) p[x] = l[x] != 0 ? 1.0F : 0.0F;
+    labels.read_row(y, p, 1.0F);
+    for (int x = 0; x < labels.width(); ++x) p[x] = p[x] < 0.0F || p[x] > 0.0F ? 1.0F : 0.0F;  // NaN is no label
   }
+}
+
+/// The pixels [x0, x1) x [y0, y1) of an image in which a detection can lie.
+struct PixelRange {
+  int x0 = 0, x1 = 0, y0 = 0, y1 = 0;
+};
+/// All of the image for a detection with a mask, else the pixels its box touches.
+[[nodiscard]] inline PixelRange pixels_of(const Detection& d, int width, int height) {
+  if (!d.mask.empty()) return {0, width, 0, height};
+  const auto limit = [](float v, int n) {
+    return static_cast<int>(v == v ? std::clamp(v, 0.0F, static_cast<float>(n)) : 0.0F);
+  };
+  return {limit(std::floor(d.box.x), width), limit(std::ceil(d.box.x + d.box.width), width),
+          limit(std::floor(d.box.y), height), limit(std::ceil(d.box.y + d.box.height), height)};
+}
+/// Pixel (x,y) lies on the mask of a detection, or in its box where it has no mask.
+[[nodiscard]] inline bool covers(const Detection& d, int x, int y) {
+  if (!d.mask.empty()) return d.mask(x, y) != 0;
+  const auto u = static_cast<float>(x);
+  const auto v = static_cast<float>(y);
+  return u >= d.box.x && u < d.box.x + d.box.width && v >= d.box.y && v < d.box.y + d.box.height;
 }
 
 /// Mask from detections. A movable object contributes its motion probability, or its score where motion is not
 /// known (a semantic mask alone: what can move is taken as moving), on its mask or else in its box; overlapping
 /// objects take the larger value. Pixels outside of every object are unknown unless `outside_is_static`.
-inline void mask_from_detections(const std::vector<Detection>& objects, int width, int height, bool outside_is_static,
+inline void mask_from_detections(const AnyDetections& detections, int width, int height, bool outside_is_static,
                                  DynamicMask& out) {
   expects(width > 0 && height > 0, "mask_from_detections: empty size");
   out.probability.assign(width, height, 0.0F);
   out.known.assign(width, height, outside_is_static ? 1 : 0);
-  for (const Detection& d : objects) {
+  std::vector<Detection> buffer;
+  for (const Detection& d : detections.in(buffer)) {
     if (!d.movable) continue;
     const float value = d.motion_probability == d.motion_probability ? d.motion_probability : d.score;
     const auto p = static_cast<float>(clamp01(static_cast<double>(value)));
     const bool has_mask = !d.mask.empty();
     expects(!has_mask || (d.mask.width == width && d.mask.height == height),
             "mask_from_detections: mask of a detection has another size than the image");
-    const auto limit = [](float v, int n) {
-      return static_cast<int>(v == v ? std::clamp(v, 0.0F, static_cast<float>(n)) : 0.0F);
-    };
-    const int x0 = has_mask ? 0 : limit(std::floor(d.box.x), width);
-    const int x1 = has_mask ? width : limit(std::ceil(d.box.x + d.box.width), width);
-    const int y0 = has_mask ? 0 : limit(std::floor(d.box.y), height);
-    const int y1 = has_mask ? height : limit(std::ceil(d.box.y + d.box.height), height);
-    for (int y = y0; y < y1; ++y) {
-      for (int x = x0; x < x1; ++x) {
+    const PixelRange range = pixels_of(d, width, height);
+    for (int y = range.y0; y < range.y1; ++y) {
+      for (int x = range.x0; x < range.x1; ++x) {
         if (has_mask && d.mask(x, y) == 0) continue;
         out.probability(x, y) = std::max(out.probability(x, y), p);
         out.known(x, y) = 1;

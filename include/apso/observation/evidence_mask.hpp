@@ -10,7 +10,6 @@
 #include <apso/config.hpp>
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/region_growing.hpp>
-#include <apso/options.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
 
@@ -80,53 +79,60 @@ inline void reduce_mask(const DynamicMask& mask, int factor, int width, int heig
   }
 }
 
-struct EvidenceMaskOptions {
-  double threshold = 0.5;    ///< probability from which a pixel is the seed of a region
-  int reach = 12;            ///< how far a region grows over pixels that are not known to be static [small px]
-  double depth_span = 0.4;   ///< ... and over which depth difference to its seed [m]
-  int min_pixels = 24;       ///< smaller regions are dropped [small px]
-  double min_area = 0.015;   ///< regions that are smaller in the world are dropped [m^2]
-  int dilation = 4;          ///< the mask is widened by this [px]
-  template <class Self, class V>
-  static void fields(Self& s, V&& v) {
-    v("threshold", s.threshold, 0.0, 1.0);
-    v("reach", s.reach, 0, 254);
-    v("depth_span", s.depth_span, 0.0, 10.0);
-    v("min_pixels", s.min_pixels, 1, 1000000);
-    v("min_area", s.min_area, 0.0, 100.0);
-    v("dilation", s.dilation, 0, 200);
-  }
+/// Which evidence becomes a region, and how far it reaches. All policies that work at low resolution share these rules.
+struct RegionRules {
+  int reach = 12;             ///< steps a region grows over pixels that may join [small px]: a quarter of a person at 2 m
+  float depth_span = 0.4F;    ///< ... and over which depth difference to its seed [m]: the thickness of a body
+  int min_pixels = 24;        ///< smaller regions are dropped [small px]: noise of the sensor at edges
+  float min_area = 0.015F;    ///< regions that are smaller in the world are dropped [m^2]: less than a hand and forearm
+  int dilation = 4;           ///< the mask is widened by this [px], for what blurs across the border
 };
 
-/// Makes masks from evidence; owns the buffers.
+/// Makes masks from evidence; owns the buffers. Either make() from probabilities, or fill seeds() and may_join() and call
+/// grow() and write().
 class EvidenceMask {
  public:
   /// \param depth small depth [m]; \param camera of that size
   /// \param probability evidence, [0,1]; \param known 1 where there is evidence, 0 elsewhere
-  /// \param out 1 inside moving regions (widened), falling to 0 at their border; known where there was evidence and
-  ///   inside the regions
+  /// \param out see write()
   void make(const Image<float>& depth, const Image<float>& probability, const Image<std::uint8_t>& known,
-            const Pinhole& camera, int factor, int width, int height, const EvidenceMaskOptions& options,
-            DynamicMask& out) {
-    const int w = depth.width();
-    const int h = depth.height();
-    labels_.resize(w, h);
-    may_join_.resize(w, h);
-    const auto threshold = static_cast<float>(options.threshold);
+            const Pinhole& camera, int factor, int width, int height, const RegionRules& rules, DynamicMask& out) {
+    constexpr float kThreshold = 0.5F;  // more likely dynamic than not
+    start(depth.width(), depth.height());
     for (std::size_t i = 0; i < labels_.size(); ++i) {
       const float p = probability.data()[i];
       const bool valid = depth.data()[i] > 0;
       const bool seen = known.data()[i] != 0;
-      labels_.data()[i] = valid && seen && p >= threshold ? 1 : 0;
-      may_join_.data()[i] = valid && (!seen || p >= 0.5F * threshold) ? 1 : 0;
+      labels_.data()[i] = valid && seen && p >= kThreshold ? 1 : 0;
+      may_join_.data()[i] = valid && (!seen || p >= 0.5F * kThreshold) ? 1 : 0;
     }
+    grow(depth, camera, rules);
+    write(known, factor, width, height, rules.dilation, out);
+  }
+
+  /// Prepares small images of this size.
+  void start(int width, int height) {
+    labels_.assign(width, height, 0);
+    may_join_.assign(width, height, 0);
+  }
+  [[nodiscard]] Image<std::uint8_t>& seeds() { return labels_; }       ///< 1 = certainly dynamic
+  [[nodiscard]] Image<std::uint8_t>& may_join() { return may_join_; }  ///< 1 = a region may grow over it
+  /// From seeds to regions: lines of one pixel and small regions go, the others grow, holes of the depth are filled.
+  void grow(const Image<float>& depth, const Pinhole& camera, const RegionRules& rules) {
     open_2x2(labels_, opened_);
     const auto area = static_cast<float>(1.0 / (camera.fx * camera.fy));
-    remove_small(depth, area, options.min_pixels, static_cast<float>(options.min_area), labels_, scratch_);
-    grow_region(depth, may_join_, options.reach, static_cast<float>(options.depth_span), labels_, scratch_);
+    remove_small(depth, area, rules.min_pixels, rules.min_area, labels_, scratch_);
+    grow_region(depth, may_join_, rules.reach, rules.depth_span, labels_, scratch_);
     fill_depth_holes(depth, labels_, scratch_);
+  }
+  /// \param known small, 1 where there was evidence
+  /// \param out 1 inside moving regions (widened), falling to 0 at their border; known where there was evidence and
+  ///   inside the regions
+  void write(const Image<std::uint8_t>& known, int factor, int width, int height, int dilation, DynamicMask& out) {
+    const int w = labels_.width();
+    const int h = labels_.height();
     wide_ = labels_;
-    dilate(wide_, (options.dilation + factor / 2) / factor, dilation_scratch_);
+    dilate(wide_, small_dilation(dilation, factor), dilation_scratch_);
     small_.resize(w, h);
     seen_.resize(w, h);
     for (std::size_t i = 0; i < wide_.size(); ++i) {
@@ -138,6 +144,8 @@ class EvidenceMask {
 
   /// The last regions before they were widened, small.
   [[nodiscard]] const Image<std::uint8_t>& labels() const { return labels_; }
+  /// A widening in pixels of the frame, in small pixels.
+  [[nodiscard]] static int small_dilation(int dilation, int factor) { return (dilation + factor / 2) / factor; }
 
  private:
   Image<std::uint8_t> labels_;

@@ -1,11 +1,11 @@
 /// \file
-/// Motion policies named in a line of text, e.g. "geometric + dnn" or "depth-refined-mask(hog-people) & geometric".
+/// Motion policies named in a line of text, e.g. "geometric | dnn" or "depth-refined-mask(hog-people) & geometric".
 ///
-///     expression := term { "+" term }                     union: dynamic when one says so
+///     expression := term { ("|" | "+") term }             union: dynamic when one says so
 ///     term       := factor { ("*" | "&") factor }         "*" product per pixel, "&" object by object, see SemanticGate
 ///     factor     := NAME [ "(" expression ")" ] | "(" expression ")"
 ///
-/// "*" and "&" bind tighter than "+", equals group from the left, blanks do not matter. NAME is made of letters, digits
+/// "*" and "&" bind tighter than "|", which is "+"; equals group from the left, blanks do not matter. NAME is made of letters, digits
 /// and "-"; a name with an argument is a policy around another one.
 #pragma once
 
@@ -14,10 +14,12 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/observation/combined_policy.hpp>
 #include <apso/observation/motion_policy.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -26,6 +28,33 @@ APSO_NAMESPACE_BEGIN
 /// does not know, or an argument that is missing or not taken.
 using PolicyFactory = std::function<AnyMotionPolicy(const std::string& name, std::optional<AnyMotionPolicy> inner)>;
 
+/// A name and what makes its policy: a function without arguments, or one that takes the policy in brackets.
+/// \code
+/// {"border", [] { return Border{}; }}
+/// {"every-second", [](AnyMotionPolicy inner) { return EverySecond(std::move(inner)); }}
+/// \endcode
+struct NamedPolicy {
+  template <class Make>
+  NamedPolicy(std::string name_, Make make, std::string summary_ = {}) : name(std::move(name_)), summary(std::move(summary_)) {
+    if constexpr (std::is_invocable_v<Make>) {
+      plain = std::move(make);
+    } else {
+      static_assert(std::is_invocable_v<Make, AnyMotionPolicy>,
+                    "apso: a NamedPolicy needs a function `[] { return MyMotion{}; }` or "
+                    "`[](apso::AnyMotionPolicy inner) { return MyWrapper(std::move(inner)); }`");
+      around = std::move(make);
+    }
+  }
+  [[nodiscard]] bool takes_policy() const { return around != nullptr; }
+
+  std::string name;     ///< letters, digits and "-"
+  std::string summary;  ///< for help texts
+  std::function<AnyMotionPolicy()> plain;
+  std::function<AnyMotionPolicy(AnyMotionPolicy)> around;
+};
+/// Policies by name. Where a name is there twice the first one counts.
+using PolicyTable = std::vector<NamedPolicy>;
+
 namespace detail {
 class PolicyParser {
  public:
@@ -33,14 +62,14 @@ class PolicyParser {
 
   AnyMotionPolicy parse() {
     AnyMotionPolicy policy = expression();
-    if (peek() != '\0') fail("expected '+', '*', '&' or the end");
+    if (peek() != '\0') fail("expected '|', '+', '*', '&' or the end");
     return policy;
   }
 
  private:
   AnyMotionPolicy expression() {
     AnyMotionPolicy left = term();
-    while (take('+')) left = join(std::move(left), term(), PolicyCombination::Union);
+    while (take('|') || take('+')) left = join(std::move(left), term(), PolicyCombination::Union);
     return left;
   }
   AnyMotionPolicy term() {
@@ -98,13 +127,33 @@ class PolicyParser {
   return detail::PolicyParser(expression, make).parse();
 }
 
+/// The same with the names of a table.
+[[nodiscard]] inline AnyMotionPolicy parse_policy(const std::string& expression, const PolicyTable& table) {
+  const PolicyFactory make = [&](const std::string& name, std::optional<AnyMotionPolicy> inner) -> AnyMotionPolicy {
+    std::string known;
+    for (const NamedPolicy& entry : table) {
+      if (entry.name == name) {
+        if (entry.takes_policy() != inner.has_value()) {
+          contract_violation("motion policy '" + expression + "': '" + name +
+                             (inner ? "' takes no policy in brackets" : "' needs another policy in brackets"));
+        }
+        return inner ? entry.around(std::move(*inner)) : entry.plain();
+      }
+      known += (known.empty() ? "" : ", ") + entry.name + (entry.takes_policy() ? "(P)" : "");
+    }
+    contract_violation("motion policy '" + expression + "': no policy is called '" + name + "', known are: " + known);
+  };
+  return parse_policy(expression, make);
+}
+
 /// The names in an expression, in their order. Throws contract_error like parse_policy.
 [[nodiscard]] inline std::vector<std::string> policy_names(const std::string& expression) {
   std::vector<std::string> names;
-  (void)parse_policy(expression, [&](const std::string& name, const std::optional<AnyMotionPolicy>&) -> AnyMotionPolicy {
+  const PolicyFactory note = [&](const std::string& name, const std::optional<AnyMotionPolicy>&) -> AnyMotionPolicy {
     names.push_back(name);
     return NoMotion{};
-  });
+  };
+  (void)parse_policy(expression, note);
   return names;
 }
 

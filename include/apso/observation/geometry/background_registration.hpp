@@ -21,26 +21,6 @@
 
 APSO_NAMESPACE_BEGIN
 
-struct BackgroundRegistrationOptions {
-  int iterations = 5;              ///< Gauss-Newton steps
-  int stride = 3;                  ///< use every stride-th row and column of the small depth image
-  double gate = 0.15;              ///< largest distance to the plane in the first step [m]; ends at a third of it
-  double sigma_translation = 0.03; ///< standard deviation of the prior [m]
-  double sigma_rotation = 0.015;   ///< standard deviation of the prior [rad]
-  int independent = 200;           ///< the residuals count as this many independent ones (they are correlated)
-  int min_points = 150;            ///< fewer than this leave the prior as it is
-  template <class Self, class V>
-  static void fields(Self& s, V&& v) {
-    v("iterations", s.iterations, 0, 100);
-    v("stride", s.stride, 1, 64);
-    v("gate", s.gate, 1e-3, 10.0);
-    v("sigma_translation", s.sigma_translation, 1e-6, 100.0);
-    v("sigma_rotation", s.sigma_rotation, 1e-6, 10.0);
-    v("independent", s.independent, 1, 1000000);
-    v("min_points", s.min_points, 1, 1000000);
-  }
-};
-
 struct BackgroundRegistration {
   Status status = Status::NotRun;
   Pose T_world_camera = Pose::Identity();  ///< the prior unless succeeded(status)
@@ -53,8 +33,14 @@ struct BackgroundRegistration {
 /// Tukey weights and the prior as a Gaussian, so that directions without structure stay at the prior.
 inline BackgroundRegistration register_background(const Image<float>& depth, const Pinhole& camera,
                                                   const Pose& T_world_camera_prior,
-                                                  const std::vector<const DepthReference*>& references,
-                                                  const BackgroundRegistrationOptions& options) {
+                                                  const std::vector<const DepthReference*>& references) {
+  constexpr int kIterations = 5;              // Gauss-Newton steps; more change the pose by less than the noise
+  constexpr int kStride = 3;                  // every third row and column of the small depth image
+  constexpr float kGate = 0.15F;              // largest distance to the plane in the first step [m]; ends at a third of it
+  constexpr double kSigmaTranslation = 0.03;  // standard deviation of the prior [m]: a frame at 1 m/s
+  constexpr double kSigmaRotation = 0.015;    // standard deviation of the prior [rad]: a frame at 26 degrees per second
+  constexpr int kIndependent = 200;           // the residuals count as this many independent ones (they are correlated)
+  constexpr int kMinPoints = 150;             // fewer than this leave the prior as it is
   BackgroundRegistration result;
   result.T_world_camera = T_world_camera_prior;
   if (references.empty()) {
@@ -69,8 +55,8 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
   const auto cy = static_cast<float>(camera.cy);
   Matrix6 prior = zeros<Matrix6>();
   for (int i = 0; i < 3; ++i) {
-    prior(i, i) = 1.0 / (options.sigma_translation * options.sigma_translation);
-    prior(i + 3, i + 3) = 1.0 / (options.sigma_rotation * options.sigma_rotation);
+    prior(i, i) = 1.0 / (kSigmaTranslation * kSigmaTranslation);
+    prior(i + 3, i + 3) = 1.0 / (kSigmaRotation * kSigmaRotation);
   }
 
   // the correction D moves points of the prior camera frame: T_world_camera = T_prior D
@@ -88,8 +74,8 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
       const FloatPose prior_from_camera(correction);
       float Hr[6][6] = {};  // lower triangle
       float br[6] = {};
-      for (int y = options.stride / 2; y < h; y += options.stride) {
-        for (int x = options.stride / 2; x < w; x += options.stride) {
+      for (int y = kStride / 2; y < h; y += kStride) {
+        for (int x = kStride / 2; x < w; x += kStride) {
           const float z = depth(x, y);
           if (!(z > 0)) continue;
           const float px = (static_cast<float>(x) - cx) / fx * z;
@@ -132,8 +118,8 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
       }
     }
     if (judged > 0) cost /= judged;
-    if (n > options.independent) {
-      const double s = static_cast<double>(options.independent) / n;
+    if (n > kIndependent) {
+      const double s = static_cast<double>(kIndependent) / n;
       H = times(s, H);
       b = times(s, b);
     }
@@ -143,13 +129,12 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
   Matrix6 H;
   Twist b;
   int judged = 0;
-  const auto gate0 = static_cast<float>(options.gate);
-  const float gate_end = gate0 / 3;
+  constexpr float gate_end = kGate / 3;
   double cost = 0;
-  for (int k = 0; k < options.iterations; ++k) {
-    const float s = options.iterations > 1 ? static_cast<float>(k) / static_cast<float>(options.iterations - 1) : 1.0F;
-    result.points = accumulate(D, gate0 + s * (gate_end - gate0), H, b, cost, judged);
-    if (result.points < options.min_points) {
+  for (int k = 0; k < kIterations; ++k) {
+    const float s = static_cast<float>(k) / static_cast<float>(kIterations - 1);
+    result.points = accumulate(D, kGate + s * (gate_end - kGate), H, b, cost, judged);
+    if (result.points < kMinPoints) {
       result.status = Status::TooFewPixels;
       return result;
     }

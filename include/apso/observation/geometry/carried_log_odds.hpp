@@ -1,14 +1,18 @@
 /// \file
-/// Evidence that goes with the surfaces it was seen on, from frame to frame.
+/// Evidence that goes with the surfaces it was seen on, from frame to frame, and adds up: masks that neither flicker nor
+/// stick.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/options.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
 #include <apso/types/frame.hpp>
@@ -73,6 +77,57 @@ class CarriedLogOdds {
   Image<float> past_;
   Image<float> past_depth_;
   Pose T_world_past_ = Pose::Identity();
+};
+
+struct TemporalFilterOptions {
+  double persistence = 0.75;  ///< share of the past log-odds that is kept per frame where there is new evidence
+  double hold = 0.7;          ///< time constant of the past log-odds where there is no new evidence [s]
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("persistence", s.persistence, 0.0, 0.99);
+    v("hold", s.hold, 1e-3, 60.0);
+  }
+};
+
+/// What frames say about the pixels of a small image, one after the other.
+class TemporalEvidence {
+ public:
+  explicit TemporalEvidence(const TemporalFilterOptions& options = {}) : options_(options) {
+    validate(options, "temporal_filter");
+  }
+
+  /// \param depth small depth of this frame [m]; \param camera of that size
+  /// \param dt time since the last frame [s]
+  /// \param probability in: what this frame says, [0,1]; out: what all frames say
+  /// \param known in: 1 where this frame says anything; out: where any frame still does, elsewhere the probability is 0
+  void update(const Image<float>& depth, const Pinhole& camera, const Pose& T_world_camera, double dt,
+              Image<float>& probability, Image<std::uint8_t>& known) {
+    const auto keep_seen = static_cast<float>(options_.persistence);
+    const auto keep_blind = static_cast<float>(std::exp(-std::max(0.0, dt) / options_.hold));
+    constexpr float kStep = 1.2F;   // largest change of the log-odds by one frame
+    constexpr float kLimit = 4.0F;  // largest log-odds; what is certain takes kLimit / kStep frames to change
+    carried_.update(depth, camera, T_world_camera, [&](int x, int y, float past) {
+      float& p = probability(x, y);
+      std::uint8_t& k = known(x, y);
+      float now = 0;
+      if (k != 0) {
+        const float q = p >= 0.01F ? std::min(p, 0.99F) : 0.01F;
+        now = std::clamp(std::log(q / (1.0F - q)), -kStep, kStep);
+      }
+      const float l = std::clamp((k != 0 ? keep_seen : keep_blind) * past + now, -kLimit, kLimit);
+      k = k != 0 || std::abs(l) > 0.4F ? 1 : 0;
+      p = k != 0 ? 1.0F / (1.0F + std::exp(-l)) : 0.0F;
+      return l;
+    });
+  }
+
+  /// Corrects the pose of the last frame, once it is final.
+  void correct(const Pose& T_world_camera) { carried_.correct(T_world_camera); }
+  void reset() { carried_.reset(); }
+
+ private:
+  TemporalFilterOptions options_;
+  CarriedLogOdds carried_;
 };
 
 APSO_NAMESPACE_END

@@ -30,24 +30,6 @@ struct DepthReference {
   std::vector<Eigen::Vector3f> normals; ///< of depth, camera frame; zero = none
 };
 
-/// Noise that separates "the same surface" from "in front of it".
-struct FreeSpaceOptions {
-  double tolerance = 0.07;    ///< smallest depth difference that counts [m]
-  double sigmas = 3.5;        ///< ... in standard deviations of the difference of two depths
-  double drift = 0.01;        ///< slack for the error between the two poses, per second between the views [m/s]
-  double drift_limit = 0.05;  ///< largest such slack [m]
-  double settle = 0.6;        ///< age from which a view proves fully that a surface rests [s]; a walking body still
-                              ///< overlaps itself in younger views
-  template <class Self, class V>
-  static void fields(Self& s, V&& v) {
-    v("tolerance", s.tolerance, 1e-4, 10.0);
-    v("sigmas", s.sigmas, 0.0, 100.0);
-    v("drift", s.drift, 0.0, 10.0);
-    v("drift_limit", s.drift_limit, 0.0, 10.0);
-    v("settle", s.settle, 0.0, 60.0);
-  }
-};
-
 /// Evidence per low-resolution pixel, summed over past views.
 struct FreeSpaceEvidence {
   Image<float> appeared;      ///< views that saw through the point, weighted
@@ -76,9 +58,16 @@ struct ViewComparison {
 /// \param T_world_camera pose of the current view
 /// \param votes scratch, resized to the image
 inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole& camera, const Pose& T_world_camera,
-                                        double time, const DepthReference& reference, const FreeSpaceOptions& options,
-                                        Image<float>& votes, FreeSpaceEvidence& evidence) {
+                                        double time, const DepthReference& reference, Image<float>& votes,
+                                        FreeSpaceEvidence& evidence) {
   enum : int { kSameStatic = -1, kSameDynamic = -2 };
+  // What separates "the same surface" from "in front of it"; measured with apso_motion on walking and static sequences.
+  constexpr float kTolerance = 0.07F;   // smallest depth difference that counts [m]
+  constexpr float kSigmas = 3.5F;       // ... in standard deviations of the difference of two depths
+  constexpr float kDrift = 0.01F;       // slack for the error between the two poses, per second between the views [m/s]
+  constexpr float kDriftLimit = 0.05F;  // largest such slack [m]
+  // Age from which a view proves fully that a surface rests [s]; a walking body still overlaps itself in younger views.
+  constexpr float kSettle = 0.6F;
   const int w = depth.width();
   const int h = depth.height();
   votes.resize(w, h);
@@ -88,9 +77,7 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
   const auto cx = static_cast<float>(camera.cx);
   const auto cy = static_cast<float>(camera.cy);
   const float age = static_cast<float>(std::abs(time - reference.time));
-  const float slack = std::min(static_cast<float>(options.drift_limit), static_cast<float>(options.drift) * age);
-  const auto least = static_cast<float>(options.tolerance);
-  const auto sigmas = static_cast<float>(options.sigmas);
+  const float slack = std::min(kDriftLimit, kDrift * age);
 
   ViewComparison result;
   const float ifx = 1.0F / fx;
@@ -115,7 +102,7 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
       const float nearest = reference.limits.nearest(iu, iv);
       if (!(nearest > 0)) continue;
       // both depths have about this noise where the answer is close
-      const float tau = std::max(least, sigmas * 1.41421356F * depth_sigma(std::max(pz, nearest))) + slack;
+      const float tau = std::max(kTolerance, kSigmas * 1.41421356F * depth_sigma(std::max(pz, nearest))) + slack;
       ++result.seen;
       const bool was_dynamic = reference.dynamic(iu, iv) != 0;
       if (pz < nearest - tau) {
@@ -133,7 +120,7 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
   const double wrong = judged > 0 ? result.behind / judged : 0.0;
   result.trust = std::clamp((0.6 - wrong) / 0.3, 0.0, 1.0);
   const auto weight = static_cast<float>(result.trust);
-  const auto settled = options.settle > 0 ? std::clamp(age / static_cast<float>(options.settle), 0.1F, 1.0F) : 1.0F;
+  const float settled = std::clamp(age / kSettle, 0.1F, 1.0F);
   if (weight > 0) {
     for (std::size_t i = 0; i < votes.size(); ++i) {
       const float v = votes.data()[i];

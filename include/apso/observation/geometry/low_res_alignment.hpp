@@ -20,36 +20,11 @@
 #include <apso/math/se3.hpp>
 #include <apso/math/symmetric.hpp>
 #include <apso/observation/geometry/small_frame.hpp>
-#include <apso/options.hpp>
 #include <apso/status.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
 
 APSO_NAMESPACE_BEGIN
-
-struct LowResAlignmentOptions {
-  int iterations = 8;               ///< Gauss-Newton steps
-  int stride = 2;                   ///< every stride-th row and column takes part
-  double sigma_intensity = 0.03;    ///< noise of the difference of two intensities, with what interpolation adds
-  double sigma_pixel = 0.3;         ///< error of the position, which counts by the gradient [small px]
-  double depth_gate = 0.3;          ///< larger differences of depth take no part in the alignment [m]
-  double sigma_translation = 0.03;  ///< standard deviation of the prior [m]
-  double sigma_rotation = 0.015;    ///< standard deviation of the prior [rad]
-  int independent = 300;            ///< the residuals count as this many independent ones (they are correlated)
-  int min_points = 100;             ///< fewer than this leave the prior as it is
-  template <class Self, class V>
-  static void fields(Self& s, V&& v) {
-    v("iterations", s.iterations, 0, 100);
-    v("stride", s.stride, 1, 64);
-    v("sigma_intensity", s.sigma_intensity, 1e-4, 10.0);
-    v("sigma_pixel", s.sigma_pixel, 0.0, 10.0);
-    v("depth_gate", s.depth_gate, 1e-3, 100.0);
-    v("sigma_translation", s.sigma_translation, 1e-6, 100.0);
-    v("sigma_rotation", s.sigma_rotation, 1e-6, 10.0);
-    v("independent", s.independent, 1, 1000000);
-    v("min_points", s.min_points, 1, 1000000);
-  }
-};
 
 /// One pixel warped into the past frame.
 struct WarpedPixel {
@@ -64,8 +39,9 @@ struct WarpedPixel {
 
 /// Warps pixel (x,y). False where it has no depth, leaves the view, or falls on an edge or hole of the past depth.
 [[nodiscard]] inline bool warp_pixel(const SmallFrame& current, int x, int y, const SmallFrame& past,
-                                     const Pinhole& camera, const FloatPose& T_past_current,
-                                     const LowResAlignmentOptions& options, WarpedPixel& out) {
+                                     const Pinhole& camera, const FloatPose& T_past_current, WarpedPixel& out) {
+  constexpr float kSigmaIntensity = 0.03F;  // noise of the difference of two intensities, with what interpolation adds
+  constexpr float kSigmaPixel = 0.3F;       // error of the position, which counts by the gradient [small px]
   const float z = current.depth(x, y);
   if (!(z > 0)) return false;
   const auto fx = static_cast<float>(camera.fx);
@@ -109,11 +85,9 @@ struct WarpedPixel {
   out.a_intensity = chain(gx, gy);
   out.a_depth = chain(zx, zy);
   out.a_depth.z() -= 1.0F;
-  const auto pixel = static_cast<float>(options.sigma_pixel);
-  const auto grey = static_cast<float>(options.sigma_intensity);
   const float s = 1.41421356F * depth_sigma(std::max(Z, out.Y.z())) + 0.005F;
-  out.sigma_intensity = std::sqrt(grey * grey + pixel * pixel * (gx * gx + gy * gy));
-  out.sigma_depth = std::sqrt(s * s + pixel * pixel * (zx * zx + zy * zy));
+  out.sigma_intensity = std::sqrt(kSigmaIntensity * kSigmaIntensity + kSigmaPixel * kSigmaPixel * (gx * gx + gy * gy));
+  out.sigma_depth = std::sqrt(s * s + kSigmaPixel * kSigmaPixel * (zx * zx + zy * zy));
   return true;
 }
 
@@ -126,34 +100,40 @@ struct LowResAlignment {
 /// Gauss-Newton on both residuals with Cauchy weights, the prior as a Gaussian, so that directions without structure
 /// stay at the prior.
 /// \param weight per pixel of the current frame, [0,1]; null = all 1
+/// \param iterations Gauss-Newton steps
 /// \param scratch residuals, to keep warm calls free of allocations
 inline LowResAlignment align_low_res(const SmallFrame& current, const SmallFrame& past, const Pinhole& camera,
-                                     const Pose& T_past_current_prior, const Image<float>* weight,
-                                     const LowResAlignmentOptions& options, std::vector<float>& scratch) {
+                                     const Pose& T_past_current_prior, const Image<float>* weight, int iterations,
+                                     std::vector<float>& scratch) {
+  constexpr int kStride = 2;                  // every second row and column takes part
+  constexpr float kDepthGate = 0.3F;          // larger differences of depth take no part [m]
+  constexpr double kSigmaTranslation = 0.03;  // standard deviation of the prior [m]
+  constexpr double kSigmaRotation = 0.015;    // standard deviation of the prior [rad]
+  constexpr int kIndependent = 300;           // the residuals count as this many independent ones (they are correlated)
+  constexpr int kMinPoints = 100;             // fewer than this leave the prior as it is
   LowResAlignment result;
   result.T_past_current = T_past_current_prior;
   Matrix6 prior = zeros<Matrix6>();
   for (int k = 0; k < 3; ++k) {
-    prior(k, k) = 1.0 / (options.sigma_translation * options.sigma_translation);
-    prior(k + 3, k + 3) = 1.0 / (options.sigma_rotation * options.sigma_rotation);
+    prior(k, k) = 1.0 / (kSigmaTranslation * kSigmaTranslation);
+    prior(k + 3, k + 3) = 1.0 / (kSigmaRotation * kSigmaRotation);
   }
   const int w = current.depth.width();
   const int h = current.depth.height();
-  const auto gate = static_cast<float>(options.depth_gate);
   Pose T = T_past_current_prior;
   float scale = 3.0F;  // of the residuals in standard deviations; wide at first, since the prior may be off
-  for (int iteration = 0; iteration < options.iterations; ++iteration) {
+  for (int iteration = 0; iteration < iterations; ++iteration) {
     const FloatPose warp(T);
     float H[6][6] = {};  // lower triangle
     float g[6] = {};
     int n = 0;
     scratch.clear();
     WarpedPixel p;
-    for (int y = options.stride / 2; y < h; y += options.stride) {
-      for (int x = options.stride / 2; x < w; x += options.stride) {
+    for (int y = kStride / 2; y < h; y += kStride) {
+      for (int x = kStride / 2; x < w; x += kStride) {
         const float given = weight != nullptr ? (*weight)(x, y) : 1.0F;
         if (!(given > 0)) continue;
-        if (!warp_pixel(current, x, y, past, camera, warp, options, p) || std::abs(p.r_depth) > gate) continue;
+        if (!warp_pixel(current, x, y, past, camera, warp, p) || std::abs(p.r_depth) > kDepthGate) continue;
         ++n;
         const auto add = [&](float r, const Eigen::Vector3f& a, float sigma) {
           const float s = r / sigma;
@@ -168,13 +148,13 @@ inline LowResAlignment align_low_res(const SmallFrame& current, const SmallFrame
       }
     }
     result.points = n;
-    if (n < options.min_points) {
+    if (n < kMinPoints) {
       result.status = Status::TooFewPixels;
       result.T_past_current = T_past_current_prior;
       return result;
     }
     scale = std::clamp(1.4826F * upper_median(scratch), 1.0F, 6.0F);
-    const double count = static_cast<double>(options.independent) / (2.0 * n);
+    const double count = static_cast<double>(kIndependent) / (2.0 * n);
     Matrix6 A = prior;
     Twist b = times(prior, se3_log(compose(T, inverse(T_past_current_prior))));
     for (int i = 0; i < 6; ++i) {

@@ -13,6 +13,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/small_matrix.hpp>
+#include <apso/traits/any.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
 #include <apso/types/frame.hpp>
@@ -33,20 +34,48 @@ APSO_NAMESPACE_BEGIN
 /// Difference in depth below which two samples of a block belong to one surface [m].
 [[nodiscard]] inline float same_surface(float z) { return 0.03F + 4.0F * depth_sigma(z); }
 
+/// The rows of one row of blocks, as float: pointers into the image where it holds floats, else into a buffer that is
+/// used again.
+class BlockRows {
+ public:
+  /// Rows y to y + count - 1 of an image.
+  const float* const* read(const AnyImage& image, int y, int count) {
+    rows_.resize(static_cast<std::size_t>(count));
+    const auto width = static_cast<std::size_t>(image.width());
+    for (int j = 0; j < count; ++j) {
+      const float*& row = rows_[static_cast<std::size_t>(j)];
+      row = image.row_in_place(y + j);
+      if (row != nullptr) continue;
+      if (buffer_.size() < width * static_cast<std::size_t>(count)) buffer_.resize(width * static_cast<std::size_t>(count));
+      float* out = buffer_.data() + width * static_cast<std::size_t>(j);
+      image.read_row(y + j, out, 1.0F);
+      row = out;
+    }
+    return rows_.data();
+  }
+
+ private:
+  std::vector<const float*> rows_;
+  std::vector<float> buffer_;
+};
+
 /// Reduces a depth image. A pixel takes the surface seen at the middle of its block and averages the samples of
 /// that surface only, so that no depth appears between foreground and background. Invalid is 0.
-inline void reduce_depth(ImageView<const float> depth, int factor, const DepthRange& range, int width, int height,
-                         Image<float>& out) {
+/// \param depth any image [m], read once by rows
+/// \param buffer kept by the caller, so that warm calls allocate nothing
+inline void reduce_depth(const AnyImage& depth, int factor, const DepthRange& range, int width, int height,
+                         BlockRows& buffer, Image<float>& out) {
   out.resize(width, height);
   const int c0 = (factor - 1) / 2;
   const int c1 = factor / 2;
   const int candidates[4][2] = {{c0, c0}, {c1, c1}, {c0, c1}, {c1, c0}};
   for (int y = 0; y < height; ++y) {
+    const float* const* block = buffer.read(depth, y * factor, factor);
     for (int x = 0; x < width; ++x) {
-      const float* block = depth.row(y * factor) + x * factor;
+      const int left = x * factor;
       float middle = 0;
       for (const auto& c : candidates) {
-        const float z = block[depth.stride * c[1] + c[0]];
+        const float z = block[c[1]][left + c[0]];
         if (depth_valid(z, range)) {
           middle = z;
           break;
@@ -57,7 +86,7 @@ inline void reduce_depth(ImageView<const float> depth, int factor, const DepthRa
         float sum = 0;
         float n = 0;
         for (int j = 0; j < factor; ++j) {
-          const float* r = block + depth.stride * j;
+          const float* r = block[j] + left;
           for (int i = 0; i < factor; ++i) {
             const bool same = std::abs(r[i] - middle) <= tolerance;  // false for NaN
             sum += same ? r[i] : 0.0F;

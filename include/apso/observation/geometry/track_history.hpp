@@ -52,7 +52,7 @@ class TrackHistory {
   /// Takes the new frame in.
   void keep(double time, const Pose& T_world_camera, const Image<float>& depth, const std::vector<PointTrack>& tracks) {
     Frame f;
-    while (!frames_.empty() && (frames_.size() >= kMost || time - frames_.front().time > span_)) {
+    while (!frames_.empty() && (frames_.size() >= kMaximum || time - frames_.front().time > span_)) {
       f = std::move(frames_.front());
       frames_.erase(frames_.begin());
     }
@@ -82,7 +82,7 @@ class TrackHistory {
     Image<float> depth;
     std::vector<Point> points;  // sorted by id
   };
-  static constexpr std::size_t kMost = 8;
+  static constexpr std::size_t kMaximum = 8;
 
   double span_;
   std::vector<Frame> frames_;  // oldest first

@@ -71,12 +71,13 @@ class ObjectTracker {
   /// \param detections may be empty; their masks must outlive the result
   /// \param tracks points followed from the previous frame; may be empty
   /// \returns valid until the next call
-  const std::vector<Detection>& update(const DynamicMask& mask, ImageView<const float> depth,
-                                       const std::vector<Detection>& detections = {},
-                                       const std::vector<PointTrack>& tracks = {}) {
+  const std::vector<Detection>& update(const DynamicMask& mask, const AnyImage& depth, const AnyDetections& any_detections = {},
+                                       const AnyTracks& any_tracks = {}) {
+    const std::vector<Detection>& detections = any_detections.in(detections_);
+    const std::vector<PointTrack>& tracks = any_tracks.in(tracks_);
     const int w = mask.probability.width();
     const int h = mask.probability.height();
-    expects(depth.empty() || (depth.width == w && depth.height == h),
+    expects(depth.empty() || (depth.width() == w && depth.height() == h),
             "ObjectTracker: depth and mask differ in size");
     objects_.clear();
     for (const Detection& d : detections) {
@@ -151,15 +152,17 @@ class ObjectTracker {
   }
 
   // Depth on the grid of small pixels.
-  void sample(const DynamicMask& mask, ImageView<const float> depth) {
+  void sample(const DynamicMask& mask, const AnyImage& depth) {
     const int f = options_.factor;
     w_ = mask.probability.width() / f;
     h_ = mask.probability.height() / f;
     depth_.assign(w_, h_, 0.0F);
     if (depth.empty()) return;
+    auto read = rows(depth, row_);
     for (int y = 0; y < h_; ++y) {
+      const float* row = read(y * f + f / 2);
       for (int x = 0; x < w_; ++x) {
-        const float z = depth(x * f + f / 2, y * f + f / 2);
+        const float z = row[x * f + f / 2];
         depth_(x, y) = z > 0 && z < 1e3F ? z : 0.0F;
       }
     }
@@ -567,6 +570,9 @@ class ObjectTracker {
   std::vector<double> cost_, depth_sum_;
   AssignmentScratch assignment_;
   RegionScratch scratch_;
+  std::vector<float> row_;
+  std::vector<Detection> detections_;
+  std::vector<PointTrack> tracks_;
 };
 
 APSO_NAMESPACE_END

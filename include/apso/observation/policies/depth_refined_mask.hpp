@@ -15,31 +15,21 @@
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/evidence_mask.hpp>
 #include <apso/observation/geometry/low_res_depth.hpp>
+#include <apso/observation/geometry/small_frame.hpp>
 #include <apso/observation/motion_policy.hpp>
 #include <apso/observation/region_growing.hpp>
-#include <apso/observation/geometry/small_frame.hpp>
 #include <apso/options.hpp>
 
 APSO_NAMESPACE_BEGIN
 
 struct DepthRefinedMaskOptions {
-  int width = 160;            ///< width of the images that are worked on [px]
   DepthRange depth;           ///< depth that is used
-  double bin = 0.1;           ///< width of a bin of the depth histogram of an object [m]
-  double foreground = 0.2;    ///< the object is the nearest peak with this share of the depth in its middle
-  double margin = 0.1;        ///< the depth of the object is widened by this [m]
-  double window = 0.1;        ///< it may reach this share of its box beyond it
-  double overlap = 0.25;      ///< a surface belongs to it when this share is marked by the inner policy
+  double window = 0.1;        ///< the object may reach this share of its box beyond it
   int dilation = 4;           ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
-    v("width", s.width, 16, 4096);
     v("depth", s.depth);
-    v("bin", s.bin, 0.01, 1.0);
-    v("foreground", s.foreground, 0.0, 1.0);
-    v("margin", s.margin, 0.0, 10.0);
     v("window", s.window, 0.0, 1.0);
-    v("overlap", s.overlap, 0.0, 1.0);
     v("dilation", s.dilation, 0, 200);
   }
 };
@@ -58,7 +48,7 @@ struct DepthRefinedMaskOptions {
   // a peak is a run of bins above 2 % of all values; the nearest with enough of them wins, else the largest
   int best_begin = -1;
   int best_end = -1;
-  int most = 0;
+  int largest = 0;
   for (int b = 0; b < kBins;) {
     if (count[static_cast<std::size_t>(b)] <= 0.02 * n) {
       ++b;
@@ -67,8 +57,8 @@ struct DepthRefinedMaskOptions {
     const int begin = b;
     int sum = 0;
     while (b < kBins && count[static_cast<std::size_t>(b)] > 0.02 * n) sum += count[static_cast<std::size_t>(b++)];
-    if (sum > most) {
-      most = sum;
+    if (sum > largest) {
+      largest = sum;
       best_begin = begin;
       best_end = b;
     }
@@ -84,24 +74,23 @@ struct DepthRefinedMaskOptions {
 /// what a mask misses of a surface is added. Pixels without depth stay as the inner policy has them, unless the object
 /// is only a box: then they go with what surrounds them.
 template <class Inner>
-class DepthRefinedMask {
+class DepthRefinedMask : public PolicyOperators {
  public:
+  using Options = DepthRefinedMaskOptions;
+
   DepthRefinedMask(Inner inner, const Pinhole& camera, const DepthRefinedMaskOptions& options = {})
-      : inner_(std::move(inner)), camera_(camera), options_(options) {
-    static_assert(is_motion_policy_v<Inner>, "apso: DepthRefinedMask<Inner> needs a motion policy, see motion_policy.hpp");
-    camera.validate();
+      : inner_(std::move(inner)), options_(options), reducer_(camera, kMotionWidth, options.depth) {
+    check_motion_policy<Inner>();
     validate(options, "depth_refined_mask");
-    factor_ = reduction_factor(camera, options.width);
-    small_ = reduced_camera(camera, factor_);
   }
 
-  void observe(const RgbdFrame& frame, const Pose& T_world_camera_prior, const std::vector<PointTrack>& tracks,
-               DynamicMask& out) {
-    inner_.observe(frame, T_world_camera_prior, tracks, out);
-    const int w = small_.width;
-    const int h = small_.height;
-    reduce_depth(frame.depth, factor_, options_.depth, w, h, depth_);
-    reduce_mask(out, factor_, w, h, given_, known_);
+  void observe(const AnyFrame& frame, const AnyPose& T_world_camera_prior, const AnyTracks& tracks, DynamicMask& out) {
+    const Pose& prior = T_world_camera_prior;
+    inner_.observe(frame, prior, tracks.in(tracks_), out);
+    reducer_.depth(frame, depth_);
+    const int w = depth_.width();
+    const int h = depth_.height();
+    reduce_mask(out, reducer_.factor(), w, h, given_, known_);
     refined_.assign(w, h, 0.0F);
     marked_.assign(w, h, 0);
     const std::vector<Detection>& objects = detections_of(inner_);
@@ -111,34 +100,42 @@ class DepthRefinedMask {
     if (objects.empty()) refine_regions();
     write(out);
   }
-  void remember(const RgbdFrame& frame, const Pose& T_world_camera, const DynamicMask& mask) {
-    inner_.remember(frame, T_world_camera, mask);
+  void remember(const AnyFrame& frame, const AnyPose& T_world_camera, const DynamicMask& mask) {
+    const Pose& T = T_world_camera;
+    inner_.remember(frame, T, mask);
   }
   void reset() { inner_.reset(); }
   [[nodiscard]] const std::vector<Detection>& detections() const { return detections_of(inner_); }
 
  private:
+  static constexpr double kBin = 0.1;         // width of a bin of the depth histogram of an object [m]
+  static constexpr double kForeground = 0.2;  // the object is the nearest peak with this share of the depth in its middle
+  static constexpr float kMargin = 0.1F;      // the depth of the object is widened by this [m]
+  static constexpr double kOverlap = 0.25;    // a surface belongs to it when this share is marked by the inner policy
+
   struct Window {
     int x0, y0, x1, y1;  // small pixels, x1 and y1 not included
   };
 
   void refine_object(const Detection& d) {
-    const auto f = static_cast<float>(factor_);
+    const int factor = reducer_.factor();
+    const Pinhole& small = reducer_.small();
+    const auto f = static_cast<float>(factor);
     const auto limit = [f](float v, int n) {
       return static_cast<int>(v == v ? std::clamp(v / f, 0.0F, static_cast<float>(n)) : 0.0F);
     };
-    const Window b{limit(d.box.x, small_.width), limit(d.box.y, small_.height),
-                   limit(d.box.x + d.box.width + f - 1, small_.width), limit(d.box.y + d.box.height + f - 1, small_.height)};
+    const Window b{limit(d.box.x, small.width), limit(d.box.y, small.height),
+                   limit(d.box.x + d.box.width + f - 1, small.width), limit(d.box.y + d.box.height + f - 1, small.height)};
     if (b.x0 >= b.x1 || b.y0 >= b.y1) return;
     depths_.clear();
     const bool only_box = d.mask.empty();
     const int mx = only_box ? (b.x1 - b.x0) / 4 : 0;  // the object is in the middle of its box
     const int my = only_box ? (b.y1 - b.y0) / 8 : 0;
-    const int c = factor_ / 2;
+    const int c = factor / 2;
     float value = 0;
     for (int y = b.y0; y < b.y1; ++y) {
       for (int x = b.x0; x < b.x1; ++x) {
-        if (!only_box && d.mask(x * factor_ + c, y * factor_ + c) == 0) continue;
+        if (!only_box && d.mask(x * factor + c, y * factor + c) == 0) continue;
         marked_(x, y) = 1;
         value = std::max(value, given_(x, y));
         const bool middle = x >= b.x0 + mx && x < b.x1 - mx && y >= b.y0 + my && y < b.y1 - my;
@@ -152,11 +149,12 @@ class DepthRefinedMask {
   }
 
   void refine_regions() {
-    const int w = small_.width;
+    const int w = given_.width();
+    const int h = given_.height();
     for_each_component(
-        w, small_.height, regions_, [&](int i) { return given_.data()[i] >= 0.5F; }, [](int, int) { return true; },
+        w, h, regions_, [&](int i) { return given_.data()[i] >= 0.5F; }, [](int, int) { return true; },
         [&](const int* first, const int* last) {
-          Window b{w, small_.height, 0, 0};
+          Window b{w, h, 0, 0};
           depths_.clear();
           float value = 0;
           for (const int* i = first; i != last; ++i) {
@@ -176,7 +174,7 @@ class DepthRefinedMask {
   void cut(const Window& box, float value, bool only_box) {
     float lo = 0;
     float hi = 0;
-    if (!foreground_range(depths_, options_.bin, options_.foreground, lo, hi)) {  // no depth: nothing better is known
+    if (!foreground_range(depths_, kBin, kForeground, lo, hi)) {  // no depth: nothing better is known
       for (int y = box.y0; y < box.y1; ++y) {
         for (int x = box.x0; x < box.x1; ++x) {
           if (marked_(x, y) != 0) refined_(x, y) = std::max(refined_(x, y), value);
@@ -184,13 +182,14 @@ class DepthRefinedMask {
       }
       return;
     }
-    lo -= static_cast<float>(options_.margin);
-    hi += static_cast<float>(options_.margin);
+    lo -= kMargin;
+    hi += kMargin;
+    const int w = depth_.width();
+    const int h = depth_.height();
     const int gx = static_cast<int>(std::lround(options_.window * (box.x1 - box.x0)));
     const int gy = static_cast<int>(std::lround(options_.window * (box.y1 - box.y0)));
-    const Window b{std::max(0, box.x0 - gx), std::max(0, box.y0 - gy), std::min(small_.width, box.x1 + gx),
-                   std::min(small_.height, box.y1 + gy)};
-    const int w = small_.width;
+    const Window b{std::max(0, box.x0 - gx), std::max(0, box.y0 - gy), std::min(w, box.x1 + gx),
+                   std::min(h, box.y1 + gy)};
     const auto inside = [&](int i) {
       const int x = i % w;
       const int y = i / w;
@@ -198,12 +197,12 @@ class DepthRefinedMask {
       return x >= b.x0 && x < b.x1 && y >= b.y0 && y < b.y1 && z >= lo && z <= hi;
     };
     for_each_component(
-        w, small_.height, scratch_, inside,
+        w, h, scratch_, inside,
         [&](int i, int j) { return depth_connected(depth_.data()[i], depth_.data()[j]); },
         [&](const int* first, const int* last) {
           std::ptrdiff_t n = 0;
           for (const int* i = first; i != last; ++i) n += marked_.data()[*i];
-          if (static_cast<double>(n) < options_.overlap * static_cast<double>(last - first)) return;
+          if (static_cast<double>(n) < kOverlap * static_cast<double>(last - first)) return;
           for (const int* i = first; i != last; ++i) refined_.data()[*i] = std::max(refined_.data()[*i], value);
         });
     if (only_box) return;
@@ -215,24 +214,23 @@ class DepthRefinedMask {
   }
 
   void write(DynamicMask& out) {
-    labels_.resize(small_.width, small_.height);
+    labels_.resize(depth_.width(), depth_.height());
     for (std::size_t i = 0; i < labels_.size(); ++i) labels_.data()[i] = refined_.data()[i] > 0 ? 1 : 0;
     fill_depth_holes(depth_, labels_, scratch_);
     for (std::size_t i = 0; i < labels_.size(); ++i) {
       if (labels_.data()[i] != 0 && !(refined_.data()[i] > 0)) refined_.data()[i] = 1.0F;
     }
-    dilate(refined_, (options_.dilation + factor_ / 2) / factor_, dilation_scratch_);
+    dilate(refined_, EvidenceMask::small_dilation(options_.dilation, reducer_.factor()), dilation_scratch_);
     for (std::size_t i = 0; i < known_.size(); ++i) {
       if (refined_.data()[i] > 0) known_.data()[i] = 1;
     }
-    enlarge_(refined_, known_, factor_, camera_.width, camera_.height, out);
+    enlarge_(refined_, known_, reducer_.factor(), reducer_.camera().width, reducer_.camera().height, out);
   }
 
   Inner inner_;
-  Pinhole camera_;
-  Pinhole small_;
   DepthRefinedMaskOptions options_;
-  int factor_ = 1;
+  FrameReducer reducer_;
+  std::vector<PointTrack> tracks_;
   Image<float> depth_;
   Image<float> given_;
   Image<float> refined_;

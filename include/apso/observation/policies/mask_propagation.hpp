@@ -15,64 +15,57 @@
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/evidence_mask.hpp>
 #include <apso/observation/geometry/low_res_depth.hpp>
+#include <apso/observation/geometry/small_frame.hpp>
 #include <apso/observation/motion_policy.hpp>
 #include <apso/observation/region_growing.hpp>
-#include <apso/observation/geometry/small_frame.hpp>
 #include <apso/options.hpp>
 
 APSO_NAMESPACE_BEGIN
 
 struct MaskPropagationOptions {
-  int every = 5;              ///< the inner policy sees every n-th frame
-  int width = 160;            ///< width of the images that are worked on [px]
   DepthRange depth;           ///< depth that is used
-  int min_tracks = 3;         ///< fewer tracks in a region do not tell where it goes; it then stays where it is
-  double depth_gate = 0.2;    ///< a pixel stays in the region if its depth changed by less than this [m]
-  double depth_gap = 0.25;    ///< regions are cut where neighbouring depths differ by more [m]
+  int every = 5;              ///< the inner policy sees every n-th frame
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
-    v("every", s.every, 1, 1000);
-    v("width", s.width, 16, 4096);
     v("depth", s.depth);
-    v("min_tracks", s.min_tracks, 1, 1000);
-    v("depth_gate", s.depth_gate, 0.01, 10.0);
-    v("depth_gap", s.depth_gap, 0.01, 10.0);
+    v("every", s.every, 1, 1000);
   }
 };
 
 /// Between two looks of the inner policy each region of the mask moves by the median flow of the tracks in it, towards
 /// or away from the camera by their median change of depth, and keeps only pixels whose depth fits. Boxes go along.
 template <class Inner>
-class MaskPropagation {
+class MaskPropagation : public PolicyOperators {
  public:
+  using Options = MaskPropagationOptions;
+
   MaskPropagation(Inner inner, const Pinhole& camera, const MaskPropagationOptions& options = {})
-      : inner_(std::move(inner)), camera_(camera), options_(options) {
-    static_assert(is_motion_policy_v<Inner>, "apso: MaskPropagation<Inner> needs a motion policy, see motion_policy.hpp");
-    camera.validate();
+      : inner_(std::move(inner)), every_(options.every), reducer_(camera, kMotionWidth, options.depth) {
+    check_motion_policy<Inner>();
     validate(options, "mask_propagation");
-    factor_ = reduction_factor(camera, options.width);
-    small_ = reduced_camera(camera, factor_);
   }
 
-  void observe(const RgbdFrame& frame, const Pose& T_world_camera_prior, const std::vector<PointTrack>& tracks,
-               DynamicMask& out) {
-    reduce_depth(frame.depth, factor_, options_.depth, small_.width, small_.height, depth_);
-    asked_ = count_ % options_.every == 0;
+  void observe(const AnyFrame& frame, const AnyPose& T_world_camera_prior, const AnyTracks& any_tracks, DynamicMask& out) {
+    const Pose& prior = T_world_camera_prior;
+    const std::vector<PointTrack>& tracks = any_tracks.in(tracks_);
+    reducer_.depth(frame, depth_);
+    asked_ = count_ % every_ == 0;
     ++count_;
     if (asked_) {
-      inner_.observe(frame, T_world_camera_prior, tracks, out);
-      reduce_mask(out, factor_, small_.width, small_.height, mask_, known_);
+      inner_.observe(frame, prior, tracks, out);
+      reduce_mask(out, reducer_.factor(), depth_.width(), depth_.height(), mask_, known_);
       detections_ = detections_of(inner_);
       begin();
     } else {
       carry(tracks);
       move_boxes(tracks);
-      enlarge_(mask_, known_, factor_, camera_.width, camera_.height, out);
+      enlarge_(mask_, known_, reducer_.factor(), reducer_.camera().width, reducer_.camera().height, out);
     }
     std::swap(depth_, previous_depth_);
   }
-  void remember(const RgbdFrame& frame, const Pose& T_world_camera, const DynamicMask& mask) {
-    if (asked_) inner_.remember(frame, T_world_camera, mask);
+  void remember(const AnyFrame& frame, const AnyPose& T_world_camera, const DynamicMask& mask) {
+    const Pose& T = T_world_camera;
+    if (asked_) inner_.remember(frame, T, mask);
   }
   void reset() {
     inner_.reset();
@@ -85,11 +78,17 @@ class MaskPropagation {
   [[nodiscard]] bool asked() const { return asked_; }
 
  private:
+  static constexpr std::size_t kMinTracks = 3;  // fewer in a region do not tell where it goes; it then stays where it is
+  static constexpr float kDepthGate = 0.2F;     // a pixel stays in the region if its depth changed by less than this [m]
+  static constexpr float kDepthGap = 0.25F;     // regions are cut where neighbouring depths differ by more [m]
+
   [[nodiscard]] int small_pixel(float x, float y) const {
-    const float u = (x + 0.5F) / static_cast<float>(factor_);
-    const float v = (y + 0.5F) / static_cast<float>(factor_);
-    if (!(u >= 0 && v >= 0 && u < static_cast<float>(small_.width) && v < static_cast<float>(small_.height))) return -1;
-    return static_cast<int>(v) * small_.width + static_cast<int>(u);
+    const auto f = static_cast<float>(reducer_.factor());
+    const float u = (x + 0.5F) / f;
+    const float v = (y + 0.5F) / f;
+    const Pinhole& small = reducer_.small();
+    if (!(u >= 0 && v >= 0 && u < static_cast<float>(small.width) && v < static_cast<float>(small.height))) return -1;
+    return static_cast<int>(v) * small.width + static_cast<int>(u);
   }
 
   /// A region of the mask at the last look, and where it has gone since.
@@ -100,18 +99,18 @@ class MaskPropagation {
 
   // Cuts the mask of a look into regions.
   void begin() {
-    const int w = small_.width;
-    region_.assign(w, small_.height, 0);
+    const int w = mask_.width();
+    const int h = mask_.height();
+    region_.assign(w, h, 0);
     look_ = mask_;
     look_depth_ = depth_;
     regions_.clear();
-    const auto gap = static_cast<float>(options_.depth_gap);
     for_each_component(
-        w, small_.height, scratch_, [&](int i) { return mask_.data()[i] >= 0.5F; },
+        w, h, scratch_, [&](int i) { return mask_.data()[i] >= 0.5F; },
         [&](int i, int j) {
           const float a = depth_.data()[i];
           const float b = depth_.data()[j];
-          return !(a > 0 && b > 0) || std::abs(a - b) <= gap;
+          return !(a > 0 && b > 0) || std::abs(a - b) <= kDepthGap;
         },
         [&](const int* first, const int* last) {
           Region r;
@@ -134,9 +133,9 @@ class MaskPropagation {
   }
 
   void carry(const std::vector<PointTrack>& tracks) {
-    const int w = small_.width;
-    const int h = small_.height;
-    const auto f = static_cast<float>(factor_);
+    const int w = depth_.width();
+    const int h = depth_.height();
+    const auto f = static_cast<float>(reducer_.factor());
     for (std::size_t k = 0; k < regions_.size(); ++k) {
       du_.clear();
       dv_.clear();
@@ -151,14 +150,13 @@ class MaskPropagation {
           dz_.push_back(depth_.data()[to] - previous_depth_.data()[from]);
         }
       }
-      if (static_cast<int>(du_.size()) >= options_.min_tracks) {
+      if (du_.size() >= kMinTracks) {
         regions_[k].du += upper_median(du_) / f;
         regions_[k].dv += upper_median(dv_) / f;
       }
-      if (static_cast<int>(dz_.size()) >= options_.min_tracks) regions_[k].dz += upper_median(dz_);
+      if (dz_.size() >= kMinTracks) regions_[k].dz += upper_median(dz_);
     }
     // always from the look itself, so that rounding does not add up
-    const auto gate = static_cast<float>(options_.depth_gate);
     mask_.assign(w, h, 0.0F);
     region_.assign(w, h, 0);
     for (int i = 0; i < w * h; ++i) {
@@ -175,7 +173,7 @@ class MaskPropagation {
           const bool centre = x == x0 && y == y0;
           const float now = depth_(x, y);
           // a neighbour joins only on the surface itself; the place itself also where depth is missing
-          const bool fits = now > 0 && z > 0 ? std::abs(now - z - r.dz) <= (centre ? gate : same_surface(z)) : centre;
+          const bool fits = now > 0 && z > 0 ? std::abs(now - z - r.dz) <= (centre ? kDepthGate : same_surface(z)) : centre;
           if (!fits) continue;
           mask_(x, y) = std::max(mask_(x, y), look_.data()[i]);
           region_(x, y) = number;
@@ -199,17 +197,15 @@ class MaskPropagation {
         du_.push_back(t.x - t.previous_x);
         dv_.push_back(t.y - t.previous_y);
       }
-      if (static_cast<int>(du_.size()) < options_.min_tracks) continue;
+      if (du_.size() < kMinTracks) continue;
       d.box.x += upper_median(du_);
       d.box.y += upper_median(dv_);
     }
   }
 
   Inner inner_;
-  Pinhole camera_;
-  Pinhole small_;
-  MaskPropagationOptions options_;
-  int factor_ = 1;
+  int every_;
+  FrameReducer reducer_;
   long count_ = 0;
   bool asked_ = false;
   std::vector<Detection> detections_;
@@ -222,6 +218,7 @@ class MaskPropagation {
   Image<float> look_depth_;
   Image<int> look_region_;
   std::vector<Region> regions_;
+  std::vector<PointTrack> tracks_;
   RegionScratch scratch_;
   MaskEnlarger enlarge_;
   std::vector<float> du_;

@@ -7,60 +7,43 @@
 #include <apso/config.hpp>
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/evidence_mask.hpp>
+#include <apso/observation/geometry/carried_log_odds.hpp>
 #include <apso/observation/geometry/small_frame.hpp>
-#include <apso/observation/policies/temporal_filter.hpp>
-#include <apso/observation/geometry/view_history.hpp>
+#include <apso/traits/any.hpp>
+#include <apso/types/image_view.hpp>
+#include <apso/types/pinhole.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-/// Options of PastComparison, part of those of the policy.
-struct PastComparisonOptions {
-  int width = 160;    ///< width of the images that are worked on [px]
-  DepthRange depth;   ///< depth that is used
-  double span = 0.2;  ///< age of the frame that is compared with [s]
-  TemporalFilterOptions filter;
-  EvidenceMaskOptions mask;
-  template <class Self, class V>
-  static void fields(Self& s, V&& v) {
-    v("width", s.width, 16, 4096);
-    v("depth", s.depth);
-    v("span", s.span, 0.0, 10.0);
-    v("filter", s.filter);
-    v("mask", s.mask);
-  }
-};
-
-/// Reduces each frame, hands it with a view of about `span` seconds ago to the policy, carries what the policy finds
+/// Reduces each frame, hands it with a view of about 0.2 seconds ago to the policy, carries what the policy finds
 /// through time and makes the mask. Views older than two seconds are forgotten: the scene may have changed altogether.
 class PastComparison {
  public:
-  PastComparison(const Pinhole& camera, const PastComparisonOptions& options)
-      : camera_(camera), options_(options), filter_(options.filter), history_(options.span) {
-    camera.validate();
-    factor_ = reduction_factor(camera, options.width);
-    small_ = reduced_camera(camera, factor_);
-  }
+  static constexpr double kSpan = 0.2;       ///< age of the frame that is compared with [s]; a walking person moves by 0.2 m
+  static constexpr double kForgotten = 2.0;  ///< age of the oldest view [s]
+
+  PastComparison(const Pinhole& camera, const DepthRange& range, const RegionRules& rules)
+      : reducer_(camera, kMotionWidth, range), rules_(rules), history_(kSpan) {}
 
   /// \param compare called as compare(current, past, T_past_current_prior, probability, known) when there is a past
   /// view: writes what this pair of frames says, probability of motion [0,1] and 1 where it says anything; both
   /// images have the size of `small_camera()` and are zero before
   template <class Compare>
-  void observe(const RgbdFrame& frame, const Pose& T_world_camera_prior, Compare&& compare, DynamicMask& out) {
-    expects(frame.depth.width == camera_.width && frame.depth.height == camera_.height &&
-                frame.intensity.width == camera_.width && frame.intensity.height == camera_.height,
-            "motion policy: the images do not have the size of the camera");
+  void observe(const AnyFrame& frame, const Pose& T_world_camera_prior, Compare&& compare, DynamicMask& out) {
+    reducer_.frame(frame, current_);
     const double dt = clock_.tick(frame.timestamp);
     current_.time = clock_.now();
     current_.T_world_camera = T_world_camera_prior;
-    reduce_frame(frame, factor_, options_.depth, small_, current_);
-    probability_.assign(small_.width, small_.height, 0.0F);
-    known_.assign(small_.width, small_.height, 0);
-    history_.forget_before(current_.time - 2.0);
+    const Pinhole& small = reducer_.small();
+    probability_.assign(small.width, small.height, 0.0F);
+    known_.assign(small.width, small.height, 0);
+    history_.forget_before(current_.time - kForgotten);
     if (const SmallFrame* past = history_.reference(current_.time)) {
       compare(current_, *past, compose(inverse(past->T_world_camera), T_world_camera_prior), probability_, known_);
     }
-    filter_.update(current_.depth, small_, T_world_camera_prior, dt, probability_, known_);
-    maker_.make(current_.depth, probability_, known_, small_, factor_, camera_.width, camera_.height, options_.mask, out);
+    filter_.update(current_.depth, small, T_world_camera_prior, dt, probability_, known_);
+    maker_.make(current_.depth, probability_, known_, small, reducer_.factor(), reducer_.camera().width,
+                reducer_.camera().height, rules_, out);
   }
   /// Keeps the frame that was observed last, now that its pose is known.
   void remember(const Pose& T_world_camera) {
@@ -75,13 +58,11 @@ class PastComparison {
     clock_ = {};
     current_ = {};
   }
-  [[nodiscard]] const Pinhole& small_camera() const { return small_; }
+  [[nodiscard]] const Pinhole& small_camera() const { return reducer_.small(); }
 
  private:
-  Pinhole camera_;
-  Pinhole small_;
-  PastComparisonOptions options_;
-  int factor_ = 1;
+  FrameReducer reducer_;
+  RegionRules rules_;
   FrameClock clock_;
   SmallFrame current_;
   TemporalEvidence filter_;

@@ -11,64 +11,75 @@
 #include <apso/config.hpp>
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/geometry/low_res_alignment.hpp>
-#include <apso/observation/policies/past_comparison.hpp>
 #include <apso/observation/geometry/small_frame.hpp>
+#include <apso/observation/motion_policy.hpp>
+#include <apso/observation/policies/past_comparison.hpp>
 #include <apso/options.hpp>
-#include <apso/types/track.hpp>
+#include <apso/types/pinhole.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-struct ResidualMotionOptions : PastComparisonOptions {
+struct ResidualMotionOptions {
+  DepthRange depth;         ///< depth that is used
   double moving = 3.5;      ///< residual at which motion is as likely as rest [standard deviations]
-  int patch = 1;            ///< residuals are averaged over (2 patch + 1)^2 pixels of one surface
-  LowResAlignmentOptions alignment;
+  int dilation = 4;         ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
-    PastComparisonOptions::fields(s, v);
+    v("depth", s.depth);
     v("moving", s.moving, 0.1, 100.0);
-    v("patch", s.patch, 0, 10);
-    v("alignment", s.alignment);
+    v("dilation", s.dilation, 0, 200);
   }
 };
 
-/// Aligns the frame densely with one of about `span` seconds ago and reads the residuals: r^2 is the mean squared
+/// Aligns the frame densely with one of about 0.2 seconds ago and reads the residuals: r^2 is the mean squared
 /// residual around a pixel, in variances, and r^2 / (r^2 + moving^2) its probability to have moved (one minus the
 /// Cauchy weight).
 ///
 /// A point behind what was seen then has just been uncovered: nothing is known about it. A surface without texture
 /// that moves in its own plane leaves no residual. When most of the view moves, the alignment follows what moves.
-class ResidualMotion {
+class ResidualMotion : public PolicyOperators {
  public:
-  explicit ResidualMotion(const Pinhole& camera, const ResidualMotionOptions& options = {})
-      : options_(options), comparison_(camera, options) {
-    validate(options, "residual");
-  }
+  using Options = ResidualMotionOptions;
 
-  void observe(const RgbdFrame& frame, const Pose& T_world_camera_prior, const std::vector<PointTrack>&,
-               DynamicMask& out) {
+  explicit ResidualMotion(const Pinhole& camera, const ResidualMotionOptions& options = {})
+      : moving_(checked(options).moving), comparison_(camera, options.depth, rules(options)) {}
+
+  void observe(const AnyFrame& frame, const AnyPose& T_world_camera_prior, const AnyTracks&, DynamicMask& out) {
     const auto compare = [this](const SmallFrame& current, const SmallFrame& past, const Pose& T_prior,
                                 Image<float>& probability, Image<std::uint8_t>& known) {
       const Pinhole& camera = comparison_.small_camera();
-      alignment_ = align_low_res(current, past, camera, T_prior, nullptr, options_.alignment, scratch_);
+      alignment_ = align_low_res(current, past, camera, T_prior, nullptr, kIterations, scratch_);
       read_residuals(current, past, camera, alignment_.T_past_current);
       average(current.depth, probability, known);
     };
     comparison_.observe(frame, T_world_camera_prior, compare, out);
   }
-  void remember(const RgbdFrame&, const Pose& T_world_camera, const DynamicMask&) { comparison_.remember(T_world_camera); }
+  void remember(const AnyFrame&, const AnyPose& T_world_camera, const DynamicMask&) { comparison_.remember(T_world_camera); }
   void reset() { comparison_.reset(); }
 
   /// How the alignment of the last frame ended.
   [[nodiscard]] const LowResAlignment& alignment() const { return alignment_; }
 
  private:
+  static constexpr int kIterations = 8;  // of the alignment, from a prior that may be off by centimetres
+
+  static const Options& checked(const Options& options) {
+    validate(options, "residual");
+    return options;
+  }
+  static RegionRules rules(const Options& options) {
+    RegionRules r;
+    r.dilation = options.dilation;
+    return r;
+  }
+
   void read_residuals(const SmallFrame& current, const SmallFrame& past, const Pinhole& camera, const Pose& T) {
     const FloatPose warp(T);
     squared_.assign(camera.width, camera.height, -1.0F);
     WarpedPixel p;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) {
-        if (!warp_pixel(current, x, y, past, camera, warp, options_.alignment, p)) continue;
+        if (!warp_pixel(current, x, y, past, camera, warp, p)) continue;
         const float d = p.r_depth / p.sigma_depth;
         if (d < -4.0F) continue;  // uncovered: says nothing about the point
         const float i = p.r_intensity / p.sigma_intensity;
@@ -77,8 +88,8 @@ class ResidualMotion {
     }
   }
   void average(const Image<float>& depth, Image<float>& probability, Image<std::uint8_t>& known) {
-    const auto c2 = static_cast<float>(options_.moving * options_.moving);
-    const int n = options_.patch;
+    const auto c2 = static_cast<float>(moving_ * moving_);
+    constexpr int n = 1;  // residuals are averaged over (2 n + 1)^2 pixels of one surface
     for (int y = 0; y < depth.height(); ++y) {
       for (int x = 0; x < depth.width(); ++x) {
         if (squared_(x, y) < 0) continue;
@@ -100,7 +111,7 @@ class ResidualMotion {
     }
   }
 
-  ResidualMotionOptions options_;
+  double moving_;
   PastComparison comparison_;
   LowResAlignment alignment_;
   Image<float> squared_;

@@ -15,11 +15,11 @@
 
 #include <apso/config.hpp>
 #include <apso/io/detection_text.hpp>
-#include <apso/opencv/adapters.hpp>
+#include <apso/opencv/detectors/detector_policy.hpp>
 #include <apso/opencv/detectors/network_outputs.hpp>
 #include <apso/options.hpp>
+#include <apso/traits/any.hpp>
 #include <apso/types/detection.hpp>
-#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 namespace opencv {
@@ -65,7 +65,7 @@ class DnnDetector {
 
   /// Valid until the next call, masks included. Throws io_error when the network does not take the input, or gives
   /// outputs that are not understood.
-  const std::vector<Detection>& detect(const RgbdFrame& frame) {
+  const std::vector<Detection>& detect(const AnyFrame& frame) {
     prepare(frame);
     const int width = colour_.cols;
     const int height = colour_.rows;
@@ -111,14 +111,14 @@ class DnnDetector {
   [[nodiscard]] const ClassList& classes() const { return classes_; }
 
  private:
-  void prepare(const RgbdFrame& frame) {
+  void prepare(const AnyFrame& frame) {
     if (!frame.colour.empty()) {
       colour_ = cv::Mat(frame.colour.height, frame.colour.width, CV_8UC3,
                         const_cast<Bgr8*>(frame.colour.data), static_cast<std::size_t>(frame.colour.stride) * sizeof(Bgr8));
       return;
     }
-    expects(!frame.intensity.empty(), "DnnDetector: the frame has neither colour nor intensity");
-    as_mat(frame.intensity).convertTo(gray_, CV_8U, 255.0);
+    expects(!frame.intensity().empty(), "DnnDetector: the frame has neither colour nor intensity");
+    gray_of(frame.intensity(), row_, gray_);
     cv::cvtColor(gray_, colour_, cv::COLOR_GRAY2BGR);
   }
 
@@ -127,6 +127,7 @@ class DnnDetector {
   ClassList classes_;
   cv::dnn::Net network_;
   std::vector<cv::String> names_;
+  std::vector<float> row_;
   cv::Mat gray_;
   cv::Mat colour_;
   cv::Mat input_;

@@ -13,27 +13,21 @@
 #include <opencv2/objdetect.hpp>
 
 #include <apso/config.hpp>
-#include <apso/opencv/adapters.hpp>
+#include <apso/opencv/detectors/detector_policy.hpp>
 #include <apso/options.hpp>
+#include <apso/traits/any.hpp>
 #include <apso/types/detection.hpp>
-#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 namespace opencv {
 
 struct HogPeopleOptions {
-  double least_margin = 0.0;  ///< smallest distance to the separating plane; less finds more people and more furniture
-  double resize = 0.5;        ///< the image is searched at this share of its size; people are found from 100 px there
-  double step = 1.08;         ///< ratio of the sizes that are searched
-  double overlap = 0.4;       ///< of two boxes that overlap more (IoU), the weaker one is dropped
-  double shrink = 0.15;       ///< boxes are made smaller by this share, since the trained ones have a wide border
+  double minimum_margin = 0.0;  ///< smallest distance to the separating plane; less finds more people and more furniture
+  double resize = 0.5;          ///< the image is searched at this share of its size; people are found from 100 px there
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
-    v("least_margin", s.least_margin, -10.0, 10.0);
+    v("minimum_margin", s.minimum_margin, -10.0, 10.0);
     v("resize", s.resize, 0.05, 4.0);
-    v("step", s.step, 1.01, 2.0);
-    v("overlap", s.overlap, 0.0, 1.0);
-    v("shrink", s.shrink, 0.0, 0.5);
   }
 };
 
@@ -46,9 +40,12 @@ class HogPeople {
   }
 
   /// Score: 1 / (1 + exp(-2 margin)). Valid until the next call.
-  const std::vector<Detection>& detect(const RgbdFrame& frame) {
-    expects(!frame.intensity.empty(), "HogPeople: the intensity image is empty");
-    as_mat(frame.intensity).convertTo(gray_, CV_8U, 255.0);
+  const std::vector<Detection>& detect(const AnyFrame& frame) {
+    constexpr double kStep = 1.08;    // ratio of the sizes that are searched; OpenCV's own 1.05 searches 1.6 times as many
+    constexpr float kOverlap = 0.4F;  // of two boxes that overlap more (IoU), the weaker one is dropped
+    constexpr float kShrink = 0.15F;  // boxes are made smaller by this share, since the trained ones have a wide border
+    expects(!frame.intensity().empty(), "HogPeople: the intensity image is empty");
+    gray_of(frame.intensity(), row_, gray_);
     cv::resize(gray_, small_, {}, options_.resize, options_.resize, options_.resize < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
     found_.clear();
     if (small_.cols < hog_.winSize.width || small_.rows < hog_.winSize.height) return found_;
@@ -57,22 +54,21 @@ class HogPeople {
     cv::copyMakeBorder(small_, wide_, border, border, border, border, cv::BORDER_REPLICATE);
     boxes_.clear();
     margins_.clear();
-    hog_.detectMultiScale(wide_, boxes_, margins_, options_.least_margin, {8, 8}, {0, 0}, options_.step, 0.0, false);
+    hog_.detectMultiScale(wide_, boxes_, margins_, options_.minimum_margin, {8, 8}, {0, 0}, kStep, 0.0, false);
     order_.clear();
     for (std::size_t i = 0; i < boxes_.size(); ++i) order_.push_back(i);
     std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) { return margins_[a] > margins_[b]; });
     const auto scale = static_cast<float>(1.0 / options_.resize);
-    const auto shrink = static_cast<float>(options_.shrink);
     for (const std::size_t i : order_) {
-      if (margins_[i] < options_.least_margin) continue;
+      if (margins_[i] < options_.minimum_margin) continue;
       const cv::Rect& r = boxes_[i];
       Detection d;
       const auto w = static_cast<float>(r.width) * scale;
       const auto h = static_cast<float>(r.height) * scale;
-      d.box = {static_cast<float>(r.x - border) * scale + shrink * w / 2, static_cast<float>(r.y - border) * scale + shrink * h / 2,
-               (1 - shrink) * w, (1 - shrink) * h};
+      d.box = {static_cast<float>(r.x - border) * scale + kShrink * w / 2, static_cast<float>(r.y - border) * scale + kShrink * h / 2,
+               (1 - kShrink) * w, (1 - kShrink) * h};
       bool repeated = false;
-      for (const Detection& o : found_) repeated = repeated || iou(o.box, d.box) > static_cast<float>(options_.overlap);
+      for (const Detection& o : found_) repeated = repeated || iou(o.box, d.box) > kOverlap;
       if (repeated) continue;
       d.score = static_cast<float>(1.0 / (1.0 + std::exp(-2.0 * margins_[i])));
       found_.push_back(d);
@@ -83,6 +79,7 @@ class HogPeople {
  private:
   HogPeopleOptions options_;
   cv::HOGDescriptor hog_;
+  std::vector<float> row_;
   cv::Mat gray_;
   cv::Mat small_;
   cv::Mat wide_;

@@ -12,20 +12,19 @@
 
 #include <apso/config.hpp>
 #include <apso/io/detection_text.hpp>
-#include <apso/math/se3.hpp>
 #include <apso/observation/dynamic_mask.hpp>
+#include <apso/observation/motion_policy.hpp>
 #include <apso/opencv/adapters.hpp>
+#include <apso/opencv/detectors/detector_policy.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/frame.hpp>
-#include <apso/types/track.hpp>
 
 APSO_NAMESPACE_BEGIN
 namespace opencv {
 
 /// Reads the mask image and the detections of the stamp of each frame. With a mask everything is known; with detections
 /// alone only what lies on movable objects is, at probability (1 + score) / 2. A frame without a file is unknown.
-class PrecomputedMotion {
+class PrecomputedMotion : public PolicyOperators {
  public:
   /// \param masks folder of images named by the stamp (nonzero = dynamic); may be empty
   /// \param detections file or folder, see DetectionLog; may be empty, but not both
@@ -39,14 +38,12 @@ class PrecomputedMotion {
   }
 
   /// Throws io_error when a mask cannot be read or has another size than the camera.
-  void observe(const RgbdFrame& frame, const Pose&, const std::vector<PointTrack>&, DynamicMask& out) {
+  void observe(const AnyFrame& frame, const AnyPose&, const AnyTracks&, DynamicMask& out) {
     set_unknown(camera_.width, camera_.height, out);
     detections_.clear();
     if (log_) {
       detections_ = log_->at(frame.timestamp);
-      marked_ = detections_;
-      for (Detection& d : marked_) d.motion_probability = 0.5F + 0.5F * d.score;
-      mask_from_detections(marked_, camera_.width, camera_.height, false, out);
+      mark_detections(detections_, camera_.width, camera_.height, marked_, out);
     }
     if (!masks_) return;
     const std::string file = masks_->at(frame.timestamp);
@@ -60,7 +57,7 @@ class PrecomputedMotion {
     mask_from_labels(as_image<std::uint8_t>(image_), other_);
     combine(other_, MaskCombination::Union, out);
   }
-  void remember(const RgbdFrame&, const Pose&, const DynamicMask&) {}
+  void remember(const AnyFrame&, const AnyPose&, const DynamicMask&) {}
   void reset() { detections_.clear(); }
   [[nodiscard]] const std::vector<Detection>& detections() const { return detections_; }
 
