@@ -200,7 +200,7 @@ TEST_CASE("wrong calls are told") {
   CHECK_THROWS_AS(tracker.begin(cv::Mat(kCamera.height, kCamera.width, CV_8UC3), frame), contract_error);
   CHECK_THROWS_AS(tracker.estimate({}), contract_error);
   FeatureTrackerOptions bad;
-  bad.masked = 3;
+  bad.dynamic_threshold = 3;
   CHECK_THROWS_AS(FeatureTracker(kCamera, bad), contract_error);
   tracker.begin(cv::Mat(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(0)), frame);
   Image<float> mask(5, 5, 0.0F);

@@ -19,18 +19,12 @@ APSO_NAMESPACE_BEGIN
 namespace opencv {
 
 struct LkOptions {
-  int tracks = 500;            ///< wanted in an image
-  int window = 15;             ///< side of the patch [px]
-  int levels = 3;              ///< pyramid levels above the image
-  double round_trip = 1.0;     ///< largest distance after going forward and back [px]
-  int cell = 24;               ///< one track per cell of this size [px]
+  int tracks = 500;  ///< wanted in an image
+  int window = 15;   ///< side of the patch [px]; a larger one follows weak texture, and blurs motions into each other
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("tracks", s.tracks, 0, 10000);
     v("window", s.window, 5, 51);
-    v("levels", s.levels, 0, 8);
-    v("round_trip", s.round_trip, 0.01, 100.0);
-    v("cell", s.cell, 4, 200);
   }
 };
 
@@ -42,13 +36,13 @@ class LkTracker {
   void track(const cv::Mat& gray, const std::vector<Keypoint>& keypoints) {
     const cv::Size window(options_.window, options_.window);
     pyramid_.swap(previous_pyramid_);
-    cv::buildOpticalFlowPyramid(gray, pyramid_, window, options_.levels, true);
-    const int columns = gray.cols / options_.cell + 1;
-    const int rows = gray.rows / options_.cell + 1;
+    cv::buildOpticalFlowPyramid(gray, pyramid_, window, kLevels, true);
+    const int columns = gray.cols / kCell + 1;
+    const int rows = gray.rows / kCell + 1;
     occupied_.assign(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows), 0);
     const auto cell = [&](float x, float y) -> char& {
-      const int cx = std::clamp(static_cast<int>(x) / options_.cell, 0, columns - 1);
-      const int cy = std::clamp(static_cast<int>(y) / options_.cell, 0, rows - 1);
+      const int cx = std::clamp(static_cast<int>(x) / kCell, 0, columns - 1);
+      const int cy = std::clamp(static_cast<int>(y) / kCell, 0, rows - 1);
       return occupied_[static_cast<std::size_t>(cy * columns + cx)];
     };
     kept_.clear();
@@ -56,11 +50,11 @@ class LkTracker {
       from_.clear();
       for (const PointTrack& t : tracks_) from_.emplace_back(t.x, t.y);
       const cv::TermCriteria stop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 20, 0.03);
-      cv::calcOpticalFlowPyrLK(previous_pyramid_, pyramid_, from_, to_, ok_, error_, window, options_.levels, stop);
+      cv::calcOpticalFlowPyrLK(previous_pyramid_, pyramid_, from_, to_, ok_, error_, window, kLevels, stop);
       back_ = from_;
-      cv::calcOpticalFlowPyrLK(pyramid_, previous_pyramid_, to_, back_, ok_back_, error_, window, options_.levels, stop,
+      cv::calcOpticalFlowPyrLK(pyramid_, previous_pyramid_, to_, back_, ok_back_, error_, window, kLevels, stop,
                                cv::OPTFLOW_USE_INITIAL_FLOW);
-      const double limit2 = options_.round_trip * options_.round_trip;
+      const double limit2 = kRoundTrip * kRoundTrip;
       for (std::size_t i = 0; i < tracks_.size(); ++i) {
         const cv::Point2f d = back_[i] - from_[i];
         if (!ok_[i] || !ok_back_[i] || !(d.dot(d) <= limit2)) continue;
@@ -80,6 +74,10 @@ class LkTracker {
   [[nodiscard]] const std::vector<PointTrack>& tracks() const { return tracks_; }
 
  private:
+  static constexpr int kLevels = 3;            // of the pyramid above the image
+  static constexpr int kCell = 24;             // one track per cell of this size [px]
+  static constexpr double kRoundTrip = 1.0;    // largest distance after going forward and back [px] (Kalal et al., ICPR 2010)
+
   template <class Cell>
   void seed(const std::vector<Keypoint>& keypoints, const Cell& cell) {
     const auto wanted = static_cast<std::size_t>(options_.tracks);

@@ -19,19 +19,20 @@
 APSO_NAMESPACE_BEGIN
 namespace opencv {
 
+/// The defaults are those of ORB-SLAM2 for RGB-D recordings of 640 x 480 (Mur-Artal & Tardos, T-RO 2017).
 struct OrbOptions {
-  int features = 1000;        ///< wanted in an image
-  int levels = 8;             ///< of the pyramid
-  double scale_factor = 1.2;  ///< between levels
-  int fast_threshold = 20;    ///< a corner in a cell that has such
-  int fast_lowest = 7;        ///< a corner in a cell without
+  int features = 1000;         ///< wanted in an image
+  int levels = 8;              ///< of the pyramid
+  double scale_factor = 1.2;   ///< between levels
+  int fast_threshold = 20;     ///< of a corner [grey values]
+  int min_fast_threshold = 7;  ///< of a corner where the cell has no better one [grey values]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("features", s.features, 50, 20000);
     v("levels", s.levels, 1, 16);
     v("scale_factor", s.scale_factor, 1.05, 2.0);
     v("fast_threshold", s.fast_threshold, 1, 255);
-    v("fast_lowest", s.fast_lowest, 1, 255);
+    v("min_fast_threshold", s.min_fast_threshold, 1, 255);
   }
 };
 
@@ -90,7 +91,7 @@ class OrbFrontEnd {
   void detect_level(const cv::Mat& image, int level, float scale, int wanted) {
     const cv::Rect inside(kEdge - 3, kEdge - 3, image.cols - 2 * (kEdge - 3), image.rows - 2 * (kEdge - 3));
     if (inside.width < 8 || inside.height < 8) return;
-    cv::FAST(image(inside), corners_, options_.fast_lowest, true);
+    cv::FAST(image(inside), corners_, options_.min_fast_threshold, true);
     const double side = std::max(8.0, std::sqrt(double(inside.width) * inside.height / std::max(1, wanted)));
     const int columns = std::max(1, static_cast<int>(inside.width / side));
     const int rows = std::max(1, static_cast<int>(inside.height / side));

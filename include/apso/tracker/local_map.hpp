@@ -2,34 +2,21 @@
 /// Keyframes and landmarks, and who sees whom.
 #pragma once
 
-#include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
-#include <cstring>
 #include <utility>
 #include <vector>
 
 #include <Eigen/Core>
-#include <opencv2/core.hpp>
 
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
-#include <apso/opencv/descriptor_matching.hpp>
+#include <apso/tracker/descriptor_matching.hpp>
+#include <apso/tracker/features.hpp>
 #include <apso/types/keypoint.hpp>
 #include <apso/types/pinhole.hpp>
 
 APSO_NAMESPACE_BEGIN
-namespace opencv {
-
-/// Features of one image, with the depth measured at each.
-struct FeatureSet {
-  std::vector<Keypoint> keypoints;
-  std::vector<float> inverse_depth;        ///< [1/m], 0 = none
-  std::vector<float> inverse_depth_sigma;  ///< [1/m]
-  cv::Mat descriptors;                     ///< one row of 32 bytes per keypoint
-};
 
 /// A keyframe: pose, features, and for each feature the landmark it shows (-1 = none).
 struct Keyframe {
@@ -50,7 +37,7 @@ struct LandmarkView {
 struct Landmark {
   bool alive = false;
   Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< world frame [m]
-  std::array<std::uint8_t, 32> descriptor{};        ///< of the view that is most like the others
+  Descriptor descriptor{};                          ///< of the view that is most like the others
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< mean unit vector from the point to its viewers
   double unit_distance = 1;  ///< distance at which it would appear on level 0 [m]
   float angle = 0;           ///< orientation in the last keyframe that saw it [deg]
@@ -61,6 +48,29 @@ struct Landmark {
   std::vector<LandmarkView> views;
 };
 
+/// Says of each of many indices whether it was met in the current pass; a new pass costs nothing.
+class Marks {
+ public:
+  /// Begins a pass over indices below n.
+  void begin(std::size_t n) {
+    if (pass_of_.size() < n) pass_of_.resize(n, 0);
+    ++pass_;
+  }
+  /// Marks an index. \return false when it was marked before
+  bool mark(int i) {
+    int& p = pass_of_[static_cast<std::size_t>(i)];
+    if (p == pass_) return false;
+    p = pass_;
+    return true;
+  }
+  [[nodiscard]] bool marked(int i) const { return pass_of_[static_cast<std::size_t>(i)] == pass_; }
+
+ private:
+  std::vector<int> pass_of_;
+  int pass_ = 0;
+};
+
+/// The keyframes and the landmarks they see. Indices stay valid; what is forgotten is no longer `alive`.
 class LocalMap {
  public:
   [[nodiscard]] const std::vector<Keyframe>& keyframes() const { return keyframes_; }
@@ -79,10 +89,7 @@ class LocalMap {
     k.alive = true;
     k.timestamp = timestamp;
     k.T_world_camera = T_world_camera;
-    k.features.keypoints = features.keypoints;
-    k.features.inverse_depth = features.inverse_depth;
-    k.features.inverse_depth_sigma = features.inverse_depth_sigma;
-    k.features.descriptors = features.descriptors.clone();
+    k.features = features;
     k.landmark.assign(features.keypoints.size(), -1);
     keyframes_.push_back(std::move(k));
     ++living_keyframes_;
@@ -100,16 +107,23 @@ class LocalMap {
       i = static_cast<int>(landmarks_.size());
       landmarks_.emplace_back();
     }
-    const Keyframe& k = this->keyframe(keyframe);
-    const auto f = static_cast<std::size_t>(feature);
-    const Keypoint& p = k.features.keypoints[f];
     Landmark& l = landmark(i);
     l.alive = true;
     l.born = frame_number;
-    l.point = k.T_world_camera * camera.unproject(p.x, p.y, 1.0 / static_cast<double>(k.features.inverse_depth[f]));
     ++living_landmarks_;
     add_view(i, keyframe, feature);
+    move_with_keyframe(i, camera);
     return i;
+  }
+
+  /// Puts a landmark where its first view sees it, if that view has depth.
+  void move_with_keyframe(int landmark_index, const Pinhole& camera) {
+    Landmark& l = landmark(landmark_index);
+    const Keyframe& k = keyframe(l.views.front().keyframe);
+    const auto f = static_cast<std::size_t>(l.views.front().feature);
+    const Keypoint& p = k.features.keypoints[f];
+    if (!(k.features.inverse_depth[f] > 0)) return;
+    l.point = transform(k.T_world_camera, camera.unproject(p.x, p.y, 1.0 / static_cast<double>(k.features.inverse_depth[f])));
   }
 
   void add_view(int landmark_index, int keyframe, int feature) {
@@ -151,35 +165,38 @@ class LocalMap {
   }
 
   /// Descriptor, viewing direction and scale from the views.
-  void refresh(int landmark_index, double scale_factor) {
+  void refresh(int landmark_index, const Octaves& octaves) {
     Landmark& l = landmark(landmark_index);
     if (!l.alive || l.views.empty()) return;
     const std::size_t n = l.views.size();
     const std::size_t start = n > 8 ? n - 8 : 0;  // the latest views are the ones that matter
-    const auto row = [&](std::size_t i) {
-      return keyframe(l.views[i].keyframe).features.descriptors.ptr<uchar>(l.views[i].feature);
+    const auto descriptor = [&](std::size_t i) -> const Descriptor& {
+      return keyframe(l.views[i].keyframe).features.descriptors[static_cast<std::size_t>(l.views[i].feature)];
     };
     std::size_t best = start;
     int best_sum = 1 << 30;
     for (std::size_t i = start; i < n; ++i) {
       int sum = 0;
-      for (std::size_t j = start; j < n; ++j) sum += i == j ? 0 : hamming(row(i), row(j));
+      for (std::size_t j = start; j < n; ++j) sum += i == j ? 0 : hamming(descriptor(i), descriptor(j));
       if (sum < best_sum) {
         best_sum = sum;
         best = i;
       }
     }
-    std::memcpy(l.descriptor.data(), row(best), 32);
-    l.direction.setZero();
-    for (const LandmarkView& v : l.views)
-      l.direction += (keyframe(v.keyframe).T_world_camera.translation() - l.point).normalized();
-    const double norm = l.direction.norm();
-    if (norm > 0) l.direction /= norm;
+    l.descriptor = descriptor(best);
+    Eigen::Vector3d sum(0, 0, 0);
+    for (const LandmarkView& v : l.views) {
+      const Eigen::Vector3d ray = minus(translation(keyframe(v.keyframe).T_world_camera), l.point);
+      const double length = norm(ray);
+      for (int i = 0; i < 3 && length > 0; ++i) sum(i) += ray(i) / length;
+    }
+    const double length = norm(sum);
+    for (int i = 0; i < 3; ++i) l.direction(i) = length > 0 ? sum(i) / length : 0.0;
     const LandmarkView& last = l.views.back();
     const Keyframe& k = keyframe(last.keyframe);
     const Keypoint& p = k.features.keypoints[static_cast<std::size_t>(last.feature)];
     l.angle = p.angle;
-    l.unit_distance = (k.T_world_camera.translation() - l.point).norm() * std::pow(scale_factor, p.octave);
+    l.unit_distance = norm(minus(translation(k.T_world_camera), l.point)) * octaves.sigma(p.octave);
   }
 
  private:
@@ -190,5 +207,4 @@ class LocalMap {
   int living_keyframes_ = 0;
 };
 
-}  // namespace opencv
 APSO_NAMESPACE_END

@@ -14,11 +14,10 @@
 
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
-#include <apso/tracker/pose_optimisation.hpp>
+#include <apso/tracker/solvers/pose_optimisation.hpp>
 #include <apso/types/pinhole.hpp>
 
 APSO_NAMESPACE_BEGIN
-namespace opencv {
 
 /// Poses, points and observations of a small bundle adjustment.
 struct AdjustmentProblem {
@@ -197,5 +196,4 @@ inline AdjustmentResult adjust(const Pinhole& camera, AdjustmentProblem& problem
   return result;
 }
 
-}  // namespace opencv
 APSO_NAMESPACE_END

@@ -1,25 +1,45 @@
 /// \file
-/// Nearest descriptors: in a window around a projection, or among all; with the checks that keep wrong pairs out.
+/// Binary descriptors and their distance, keypoints by image cell, and the check that pairs turn alike.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <cstring>
 #include <utility>
 #include <vector>
-
-#include <opencv2/core.hpp>
-#include <opencv2/core/hal/hal.hpp>
 
 #include <apso/config.hpp>
 #include <apso/types/keypoint.hpp>
 
 APSO_NAMESPACE_BEGIN
-namespace opencv {
 
-/// Differing bits of two ORB descriptors, 0 .. 256.
-[[nodiscard]] inline int hamming(const uchar* a, const uchar* b) { return cv::hal::normHamming(a, b, 32); }
+/// A binary descriptor of 256 bits (ORB, Rublee et al., ICCV 2011; BRIEF-32, rBRIEF and LATCH have this size too).
+using Descriptor = std::array<std::uint8_t, 32>;
+
+/// Differing bits of two descriptors, 0 .. 256. Counts in parallel within words (Knuth, TAOCP 4A, 7.1.3), so that it is
+/// fast without the popcount instruction, which a portable build must not use.
+[[nodiscard]] inline int hamming(const Descriptor& a, const Descriptor& b) {
+  constexpr std::uint64_t k1 = 0x5555555555555555U;
+  constexpr std::uint64_t k2 = 0x3333333333333333U;
+  constexpr std::uint64_t k4 = 0x0F0F0F0F0F0F0F0FU;
+  std::uint64_t bytes = 0;
+  for (std::size_t i = 0; i < 32; i += 8) {
+    std::uint64_t u = 0;
+    std::uint64_t v = 0;
+    std::memcpy(&u, a.data() + i, 8);
+    std::memcpy(&v, b.data() + i, 8);
+    u ^= v;
+    u -= (u >> 1U) & k1;
+    u = (u & k2) + ((u >> 2U) & k2);
+    bytes += (u + (u >> 4U)) & k4;  // bits of each byte, at most 8
+  }
+  // at most 32 in each byte; the sum of all may be 256, which has no room in the top byte
+  bytes = (bytes & 0x00FF00FF00FF00FFU) + ((bytes >> 8U) & 0x00FF00FF00FF00FFU);
+  return static_cast<int>((bytes * 0x0001000100010001U) >> 48U);
+}
 
 /// Keypoints by image cell, to find those near a pixel.
 class KeypointGrid {
@@ -91,5 +111,4 @@ class KeypointGrid {
   return keep;
 }
 
-}  // namespace opencv
 APSO_NAMESPACE_END

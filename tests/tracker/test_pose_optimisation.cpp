@@ -2,11 +2,11 @@
 
 #include <random>
 
-#include <apso/tracker/pose_optimisation.hpp>
-#include <apso/tracker/windowed_adjustment.hpp>
+#include <apso/tracker/solvers/pose_optimisation.hpp>
+#include <apso/tracker/solvers/ransac_pose.hpp>
+#include <apso/tracker/solvers/windowed_adjustment.hpp>
 
 using namespace apso;
-using namespace apso::opencv;
 
 namespace {
 const Pinhole kCamera{525, 520, 319.5, 239.5, 640, 480};

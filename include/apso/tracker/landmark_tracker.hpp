@@ -1,0 +1,308 @@
+/// \file
+/// A small feature-based RGB-D tracker: keypoints with binary descriptors against a local map of landmarks, point tracks for
+/// the motion from frame to frame, windowed bundle adjustment at keyframes. No loop closure.
+///
+/// It gives the pipeline its T_feature. Keypoints, descriptors and tracks come from elsewhere; opencv/feature_tracker.hpp is
+/// the same tracker with ORB and Lucas-Kanade in front.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <vector>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/options.hpp>
+#include <apso/status.hpp>
+#include <apso/tracker/landmark_tracker_options.hpp>
+#include <apso/tracker/features.hpp>
+#include <apso/tracker/keyframes.hpp>
+#include <apso/tracker/landmark_matching.hpp>
+#include <apso/tracker/local_map.hpp>
+#include <apso/tracker/map_update.hpp>
+#include <apso/tracker/relocalisation.hpp>
+#include <apso/tracker/track_motion.hpp>
+#include <apso/traits/frame.hpp>
+#include <apso/traits/image.hpp>
+#include <apso/traits/pose.hpp>
+#include <apso/traits/ranges.hpp>
+#include <apso/types/frame.hpp>
+#include <apso/types/pinhole.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Use per frame: begin, estimate (once or more), commit. Deterministic for a seed. Not thread-safe; use one per camera.
+/// \tparam PoseT your pose type; any with pose_traits
+template <class PoseT = Pose>
+class BasicLandmarkTracker {
+ public:
+  using Result = BasicFeatureResult<PoseT>;
+
+  explicit BasicLandmarkTracker(const Pinhole& camera, const LandmarkTrackerOptions& options = {})
+      : camera_(camera),
+        options_(options),
+        matcher_(camera, Octaves{options.levels, options.scale_factor}),
+        decision_(options.keyframe_interval, options.keyframe_share) {
+    check_pose<PoseT>();
+    camera_.validate();
+    validate(options_, "tracker");
+  }
+
+  /// Takes the features of a new frame. Nothing given is used after this call.
+  /// \param frame       a Frame of any images (see frame()) or an RgbdFrame; only the time and the depth are read
+  /// \param keypoints   any range with keypoint_traits; angle and octave help if they are there
+  /// \param descriptors one of 32 bytes for each keypoint: an image of bytes with 32 columns, or a range of `Descriptor`
+  /// \param tracks      any range with track_traits; `none` = there are none
+  template <class FrameT, class Keypoints, class Descriptors, class Tracks>
+  void begin(const FrameT& frame, const Keypoints& keypoints, const Descriptors& descriptors, const Tracks& tracks) {
+    const auto& depth = depth_of(frame);
+    using Depth = std::decay_t<decltype(depth)>;
+    check_image<Depth>();
+    expects(image_traits<Depth>::width(depth) == camera_.width && image_traits<Depth>::height(depth) == camera_.height,
+            "LandmarkTracker::begin: the depth image must have the size of the camera");
+    timestamp_ = frame.timestamp;
+    const auto sigma = static_cast<float>(options_.inverse_depth_sigma);
+    features_.keypoints.clear();
+    features_.inverse_depth.clear();
+    features_.inverse_depth_sigma.clear();
+    for_each_keypoint(keypoints, [&](const Keypoint& k) {
+      features_.keypoints.push_back(k);
+      const InverseDepth d = measure_depth(depth, k.x, k.y, options_.depth, sigma);
+      features_.inverse_depth.push_back(d.value);
+      features_.inverse_depth_sigma.push_back(d.sigma);
+    });
+    copy_descriptors(descriptors, features_.descriptors);
+    expects(features_.descriptors.size() == features_.keypoints.size(),
+            "LandmarkTracker::begin: there must be as many descriptors as keypoints");
+    features_.grid.build(features_.keypoints, camera_.width, camera_.height);
+    motion_.begin(tracks, depth, options_.depth, sigma);
+    begun_ = true;
+    ok_ = from_tracks_ = relocalised_ = false;
+    ++frame_number_;
+    T_world_predicted_ = frame_number_ == 1 ? Pose::Identity() : moved_on();
+  }
+
+  /// Pose of the frame begun. May be called again with a better mask.
+  /// \param dynamic_probability any image of [0,1] with the size of the camera; none or empty = nothing is dynamic
+  template <class Mask = None>
+  Result estimate(const Mask& dynamic_probability = {}) {
+    expects(begun_, "LandmarkTracker::estimate: call begin first");
+    weigh(dynamic_probability);
+    return find_pose();
+  }
+
+  /// Ends the frame with its final pose.
+  /// \param dynamic_probability as for estimate(): the final mask
+  /// \param allow_keyframe false on frames that are not trusted: the map stays as it is
+  template <class Mask = None>
+  void commit(const PoseT& T_world_camera, const Mask& dynamic_probability, bool allow_keyframe) {
+    expects(begun_, "LandmarkTracker::commit: call begin first");
+    const Pose T = to_pose(T_world_camera);
+    expects(is_finite(T), "LandmarkTracker::commit: the pose is not finite");
+    weigh(dynamic_probability);
+    finish(T, allow_keyframe);
+  }
+
+  [[nodiscard]] const std::vector<Keypoint>& keypoints() const { return features_.keypoints; }
+  /// Where the camera is expected: by constant velocity after begin, refined by the tracks after estimate.
+  [[nodiscard]] PoseT predicted() const { return from_pose<PoseT>(T_world_predicted_); }
+  [[nodiscard]] int keyframes() const { return map_.living_keyframes(); }
+  [[nodiscard]] int landmarks() const { return map_.living_landmarks(); }
+  [[nodiscard]] const LocalMap& map() const { return map_; }
+
+ private:
+  // A pose found again is doubted for a while: a wrong one would be built upon (ORB-SLAM2: 50 inliers for a second).
+  static constexpr int kMinInliersRelocalised = 50;
+  static constexpr double kRelocalisedFor = 1.0;  // [s]
+  static constexpr double kFading = 0.8;          // of a motion that is only guessed, per frame
+
+  template <class Mask>
+  void weigh(const Mask& mask) {
+    if constexpr (!is_none_v<Mask>) {
+      check_image<Mask>();
+      const int width = image_traits<Mask>::width(mask);
+      const int height = image_traits<Mask>::height(mask);
+      expects(width == 0 || height == 0 || (width == camera_.width && height == camera_.height),
+              "LandmarkTracker: the mask must be empty or have the size of the camera");
+    }
+    const std::size_t n = features_.keypoints.size();
+    features_.weight.resize(n);
+    features_.with_depth = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      features_.weight[i] = static_weight(mask, features_.keypoints[i].x, features_.keypoints[i].y, options_.dynamic_threshold);
+      if (features_.weight[i] > 0 && features_.inverse_depth[i] > 0) ++features_.with_depth;
+    }
+    motion_.weigh(mask, options_.dynamic_threshold);
+  }
+
+  /// The previous pose moved on with the velocity of the last step.
+  [[nodiscard]] Pose moved_on() const {
+    if (step_time_ <= 0) return normalized(T_world_previous_);
+    const double s = std::clamp((timestamp_ - previous_timestamp_) / step_time_, 0.0, 3.0);
+    return normalized(T_world_previous_ * se3_exp(Twist(s * se3_log(step_))));
+  }
+
+  [[nodiscard]] std::uint64_t frame_seed() const { return options_.seed + static_cast<std::uint64_t>(frame_number_); }
+  [[nodiscard]] int needed_inliers(bool relocalised) const {
+    const bool recently = relocalised || timestamp_ - relocalised_at_ < kRelocalisedFor;
+    return recently ? kMinInliersRelocalised : options_.min_inliers;
+  }
+  [[nodiscard]] bool accepted(const MapPose& found) const {
+    return succeeded(found.status) && found.inliers >= needed_inliers(found.relocalised);
+  }
+
+  Result find_pose() {
+    matcher_.clear();
+    MapPose found;
+    found.status = Status::TooFewMatches;
+    found.T_world_camera = T_world_predicted_;
+    track_inliers_ = 0;
+    ok_ = from_tracks_ = false;
+    if (map_.living_keyframes() == 0) {  // nothing to compare with: this frame defines the world
+      ok_ = features_.with_depth >= options_.min_inliers;
+      if (ok_) found.status = Status::Converged;
+      return result(found);
+    }
+    track_inliers_ = motion_.find_pose(camera_, T_world_previous_, moved_on(), frame_seed(), T_world_predicted_);
+    found.T_world_camera = T_world_predicted_;
+    matcher_.collect(map_, seen_, options_.window_keyframes);
+    search_near_prediction(found);
+    if (!accepted(found)) {
+      RelocalisationInput lost;
+      lost.T_world_predicted = T_world_predicted_;
+      lost.lost = misses_ > 0;
+      lost.window = options_.window_keyframes;
+      lost.min_inliers = kMinInliersRelocalised;
+      lost.min_inliers_last = needed_inliers(false);
+      lost.seed = frame_seed();
+      relocalise(map_, features_, lost, matcher_, seen_, found);
+    }
+    ok_ = accepted(found);
+    if (!ok_) {
+      found.T_world_camera = T_world_predicted_;
+      if (succeeded(found.status)) found.status = Status::TooFewMatches;
+      ok_ = from_tracks_ = track_inliers_ >= options_.min_track_inliers && misses_ < options_.max_frames_on_tracks;
+      if (ok_) found.status = Status::Converged;
+    }
+    return result(found);
+  }
+
+  void search_near_prediction(MapPose& found) {
+    constexpr double kRadii[] = {15.0, 30.0};  // [px]
+    constexpr double kRefinedRadius = 8.0;     // [px]
+    constexpr std::size_t kMinMatches = 20;
+    for (double radius : kRadii) {
+      matcher_.match_projections(map_, features_, T_world_predicted_, radius);
+      if (matcher_.matches().size() >= kMinMatches && matcher_.solve(map_, features_, T_world_predicted_, found)) {
+        // once more with everything that projects close to the refined pose
+        const Pose refined = found.T_world_camera;
+        matcher_.match_projections(map_, features_, refined, kRefinedRadius);
+        matcher_.solve(map_, features_, refined, found);
+      }
+      if (accepted(found)) return;
+    }
+  }
+
+  Result result(const MapPose& found) {
+    relocalised_ = found.relocalised;
+    Result r;
+    r.status = found.status;
+    r.ok = ok_;
+    r.T_world_camera = from_pose<PoseT>(found.T_world_camera);
+    r.matches = found.matches;
+    r.inliers = found.inliers;
+    r.T_world_predicted = from_pose<PoseT>(T_world_predicted_);
+    r.track_inliers = track_inliers_;
+    r.relocalised = found.relocalised;
+    r.from_tracks = from_tracks_;
+    r.information = found.information;
+    return r;
+  }
+
+  void finish(const Pose& T_world_camera, bool allow_keyframe) {
+    begun_ = false;
+    Pose T = normalized(T_world_camera);
+    const bool from_map = ok_ && !from_tracks_;
+    misses_ = from_map ? 0 : misses_ + 1;
+    if (relocalised_ && ok_) relocalised_at_ = timestamp_;
+    const bool empty = map_.living_keyframes() == 0;
+    if (allow_keyframe && (from_map || empty)) {
+      bool due = features_.with_depth >= options_.min_inliers;
+      if (!empty) {
+        const int inliers = update_landmarks(features_, T, matcher_, map_, marks_, seen_);
+        due = decision_.due(map_, features_, matcher_.matches(), inliers, timestamp_);
+      }
+      if (due) T = insert_keyframe(T);
+    }
+    // Velocity of a frame found again says nothing.
+    const double dt = timestamp_ - previous_timestamp_;
+    if (frame_number_ > 1 && dt > 0 && !relocalised_) {
+      step_ = inverse(T_world_previous_) * normalized(T_world_camera);
+      step_time_ = dt;
+      // What was only predicted fades: a camera that is lost is sooner found near the place where it was seen last.
+      const bool guessed = !ok_ && (T_world_camera.matrix() - T_world_predicted_.matrix()).norm() < 1e-9;
+      if (guessed) step_ = se3_exp(Twist(kFading * se3_log(step_)));
+    } else {
+      step_ = Pose::Identity();
+      step_time_ = 0;
+    }
+    T_world_previous_ = T;
+    previous_timestamp_ = timestamp_;
+    T_world_predicted_ = T;
+  }
+
+  /// \return the pose of the new keyframe after bundle adjustment
+  Pose insert_keyframe(const Pose& T_world_camera) {
+    KeyframeInput input;
+    input.timestamp = timestamp_;
+    input.T_world_camera = T_world_camera;
+    input.frame_number = frame_number_;
+    input.landmark_depth = options_.landmark_depth;
+    input.max_sigma = 5 * options_.inverse_depth_sigma;  // more is an edge, and its depth may be of either side
+    const int k = new_keyframe(camera_, features_, matcher_.matches(), input, map_);
+    decision_.made();
+    if (options_.adjusted_keyframes > 0)
+      adjust_last_keyframes(camera_, matcher_.octaves(), options_.adjusted_keyframes, map_, marks_);
+    seen_.clear();
+    for (int l : map_.keyframe(k).landmark)
+      if (l >= 0) {
+        map_.refresh(l, matcher_.octaves());
+        seen_.push_back(l);
+      }
+    for (int old = 0; map_.living_keyframes() > options_.max_keyframes; ++old) map_.forget_keyframe(old);
+    return map_.keyframe(k).T_world_camera;
+  }
+
+  Pinhole camera_;
+  LandmarkTrackerOptions options_;
+  LocalMap map_;
+  Marks marks_;
+  LandmarkMatcher matcher_;
+  KeyframeDecision decision_;
+  TrackMotion motion_;
+  WeightedFeatures features_;
+  std::vector<int> seen_;  // landmarks of the previous frame
+
+  bool begun_ = false;
+  int frame_number_ = 0;
+  double timestamp_ = 0;
+  double previous_timestamp_ = 0;
+  double relocalised_at_ = -1e300;
+  double step_time_ = 0;
+  Pose step_ = Pose::Identity();
+  Pose T_world_previous_ = Pose::Identity();
+  Pose T_world_predicted_ = Pose::Identity();
+
+  // of the last estimate
+  bool ok_ = false;
+  bool from_tracks_ = false;
+  bool relocalised_ = false;
+  int track_inliers_ = 0;
+  int misses_ = 0;  // frames in a row without a pose from the map
+};
+
+using LandmarkTracker = BasicLandmarkTracker<>;
+
+APSO_NAMESPACE_END

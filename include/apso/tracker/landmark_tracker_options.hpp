@@ -1,0 +1,76 @@
+/// \file
+/// Settings and result of the feature tracker.
+#pragma once
+
+#include <cstdint>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/options.hpp>
+#include <apso/status.hpp>
+#include <apso/traits/pose.hpp>
+#include <apso/types/frame.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Settings of the tracker. Where nothing else is said, a value is the one that gave the smallest error on the synthetic
+/// recordings with seeds from 100 (docs/tracker.md).
+struct LandmarkTrackerOptions {
+  int levels = 8;                      ///< octaves of the keypoints: a setting of whoever finds them
+  double scale_factor = 1.2;           ///< between octaves
+  DepthRange depth{0.3F, 8.0F};        ///< depth used at keypoints [m]
+  double landmark_depth = 5.0;         ///< landmarks are created up to here [m]
+  double inverse_depth_sigma = 0.003;  ///< of a depth measurement: noise, registration, time offset [1/m]
+  double dynamic_threshold = 0.5;      ///< features at least this likely to be dynamic are not used
+  int window_keyframes = 10;           ///< of the local map; as many again that see the same landmarks
+  int adjusted_keyframes = 6;          ///< poses refined by bundle adjustment at a new keyframe; 0 = none
+  int min_inliers = 30;                ///< of the local map, for a valid pose (ORB-SLAM2)
+  int min_track_inliers = 15;          ///< tracks that must agree to carry the pose where the map fails
+  int max_frames_on_tracks = 15;       ///< frames in a row that tracks may carry it; errors add up
+  double keyframe_interval = 1.0;      ///< a keyframe is due after this time [s] (ORB-SLAM2: the frame rate)
+  double keyframe_share = 0.75;        ///< ... or when inliers fall below this share of the most since the last (ORB-SLAM2)
+  int max_keyframes = 300;             ///< older ones are forgotten
+  std::uint64_t seed = 1;              ///< of RANSAC
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("levels", s.levels, 1, 16);
+    v("scale_factor", s.scale_factor, 1.05, 2.0);
+    fields_but_octaves(s, v);
+  }
+  /// For front ends that know their octaves themselves.
+  template <class Self, class V>
+  static void fields_but_octaves(Self& s, V&& v) {
+    v("depth", s.depth);
+    v("landmark_depth", s.landmark_depth, 0.1, 1000.0);
+    v("inverse_depth_sigma", s.inverse_depth_sigma, 1e-6, 1.0);
+    v("dynamic_threshold", s.dynamic_threshold, 0.01, 1.0);
+    v("window_keyframes", s.window_keyframes, 1, 100);
+    v("adjusted_keyframes", s.adjusted_keyframes, 0, 50);
+    v("min_inliers", s.min_inliers, 3, 10000);
+    v("min_track_inliers", s.min_track_inliers, 3, 10000);
+    v("max_frames_on_tracks", s.max_frames_on_tracks, 0, 1000000);
+    v("keyframe_interval", s.keyframe_interval, 0.0, 1000.0);
+    v("keyframe_share", s.keyframe_share, 0.0, 1.0);
+    v("max_keyframes", s.max_keyframes, 2, 100000);
+    v("seed", s.seed, std::uint64_t{0}, ~std::uint64_t{0});
+  }
+};
+
+/// What LandmarkTracker::estimate found.
+/// \tparam PoseT your pose type
+template <class PoseT = Pose>
+struct BasicFeatureResult {
+  Status status = Status::NotRun;
+  bool ok = false;                        ///< the pose may be used
+  PoseT T_world_camera = from_pose<PoseT>(Pose::Identity());     ///< the prediction when not ok
+  int matches = 0;                        ///< landmarks paired with keypoints
+  int inliers = 0;                        ///< of them, after optimisation
+  PoseT T_world_predicted = from_pose<PoseT>(Pose::Identity());  ///< constant velocity, or the motion of the tracks where they agree
+  int track_inliers = 0;                  ///< tracks that agree with the predicted motion
+  bool relocalised = false;               ///< found again among the keyframes
+  bool from_tracks = false;               ///< the map failed; the pose is the last one moved along the tracks
+  Matrix6 information = Matrix6::Zero();  ///< of the twist that multiplies T_camera_world from the left
+};
+using FeatureResult = BasicFeatureResult<>;
+
+APSO_NAMESPACE_END
