@@ -97,6 +97,7 @@ class BasicFeatureTracker {
 };
 
 using FeatureTracker = BasicFeatureTracker<>;
+using apso::FeatureResult;
 
 }  // namespace opencv
 APSO_NAMESPACE_END
