@@ -26,7 +26,7 @@ if(APSO_IS_MAIN)
   set(CPACK_PACKAGE_CONTACT "the apso authors <apso@example.org>")
   set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
   set(CPACK_PACKAGE_DESCRIPTION "Header-only C++17 library: what moves in a frame, can the frame be trusted,\n\
- and where is the camera really if not. Needs Eigen; adapters for OpenCV and Sophus come along.")
+ and where is the camera really if not. Needs Eigen; includes adapters for OpenCV and Sophus.")
   set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
   set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
   set(CPACK_DEBIAN_PACKAGE_ARCHITECTURE all)

@@ -1,12 +1,12 @@
-// apso_ablate: what is each part of the method worth? Runs apso_track on a list of sequences with every component,
-// weight, scenario and policy switched off or exchanged in turn, and puts the results in one table.
+// apso_ablate: what is each part of the method worth? Runs apso_track on a list of sequences with every variant of
+// track/ablation.hpp in turn, and puts the results in one table.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <limits>
 #include <string>
 #include <thread>
 #include <vector>
@@ -16,10 +16,9 @@
 
 #include <apso/evaluation/decision_analysis.hpp>
 #include <apso/io/parameters.hpp>
-#include <apso/opencv/feature_tracker.hpp>
-#include <apso/pipeline/pipeline.hpp>
 #include <apso/version.hpp>
 
+#include "track/ablation.hpp"
 #include "track/run_folder.hpp"
 #include "track/sequence_list.hpp"
 
@@ -30,206 +29,6 @@ using json = nlohmann::json;
 
 constexpr int exit_bad_input = 1;
 constexpr int exit_usage = 2;
-
-/// The options of apso_track.
-struct Config {
-  apso::PipelineOptions pipeline;
-  apso::opencv::FeatureTrackerOptions tracker;
-  template <class Self, class V>
-  static void fields(Self& s, V&& v) {
-    v("pipeline", s.pipeline);
-    v("tracker", s.tracker);
-  }
-};
-
-struct Variant {
-  const char* name;
-  const char* meaning;
-  void (*change)(Config&);
-};
-
-/// Takes one weight out and gives it to the others in proportion.
-template <class Weights>
-void drop(Weights& all, double Weights::*one) {
-  const double rest = 1 - all.*one;
-  Weights::fields(all, [&](const char*, double& w, auto&&...) { w /= rest; });
-  all.*one = 0;
-}
-
-const auto& variants() {
-  using namespace apso;
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  static const Variant list[] = {
-      {"default", "everything as shipped", [](Config&) {}},
-      {"no_refinement", "BAD frames are not repaired", [](Config& c) { c.pipeline.refinement = false; }},
-      {"screw_blend", "blend along the screw, one weight for all directions",
-       [](Config& c) { c.pipeline.refiner.blend.form = BlendForm::ScrewLinear; }},
-      {"one_reference", "alignment to one reference", [](Config& c) { c.pipeline.refiner.memory.references = 1; }},
-      {"both_scales", "brightness residuals count in c_dir as well",
-       [](Config& c) { c.pipeline.refiner.confidence.intensity_share = 0.5; }},
-      {"no_motion", "nothing is masked", [](Config& c) { c.pipeline.motion = false; }},
-      {"no_conf", "S_total without S_conf",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         drop(o.frame_weights, &FrameWeights::conf);
-       }},
-      {"no_spatial", "S_total without S_spatial",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         drop(o.frame_weights, &FrameWeights::spatial);
-       }},
-      {"no_feature", "S_total without S_feature",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         drop(o.frame_weights, &FrameWeights::feature);
-       }},
-      {"no_depth", "S_total without S_depth",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         drop(o.frame_weights, &FrameWeights::depth);
-       }},
-      {"no_mc", "S_change without S_mc",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         drop(o.change_weights, &ChangeWeights::motion);
-       }},
-      {"no_dc", "S_change without S_dc",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         drop(o.change_weights, &ChangeWeights::depth);
-       }},
-      {"no_dec", "S_change without S_dec",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         drop(o.change_weights, &ChangeWeights::detection);
-       }},
-      {"no_change", "S_final = S_total",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.decision.w_base = 1, o.decision.a = 0, o.decision.w_dyn = 1;
-       }},
-      {"no_sharpness", "S_feature from keypoints alone",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.sharpness.enabled = false;
-       }},
-      {"no_dynamic_ratio", "W_base does not fall with what moves",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.decision.a = 0;
-       }},
-      {"no_static_boost", "static scenario off",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.decision.boost_static = 0;
-       }},
-      {"no_dynamic_scenario", "dynamic scenario off",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.decision.th_dynamic = 1;
-       }},
-      {"no_object_boost", "scenario of confident objects off",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.decision.boost_object = 0;
-       }},
-      {"no_hand_over", "a reference is not handed on",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.benchmark.hand_over = false;
-       }},
-      {"ratchet", "benchmark update as printed",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.benchmark.hand_over = false;
-         o.benchmark.half_life = o.benchmark.max_age = infinity;
-       }},
-      {"literal_polarity", "S_change raises S_final, as printed",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.decision.polarity = ChangePolarity::Literal;
-       }},
-      {"cumulative_base", "W_base falls from frame to frame, as printed",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.decision.base_weight = BaseWeight::Cumulative;
-       }},
-      {"literal_thresholds", "th_s by the printed recursion",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.initialisation.quality_threshold = QualityThreshold::Literal;
-       }},
-      {"first_passing", "the first frame that passes is the reference",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.initialisation.initial_frame = InitialFrame::FirstPassing;
-       }},
-      {"paper", "all of the printed forms together",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.decision.polarity = ChangePolarity::Literal;
-         o.decision.base_weight = BaseWeight::Cumulative;
-         o.initialisation.quality_threshold = QualityThreshold::Literal;
-         o.benchmark.hand_over = false;
-         o.benchmark.half_life = o.benchmark.max_age = infinity;
-         o.sharpness.enabled = false;
-       }},
-      {"previous_baseline", "change against the frame before",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.change_baseline = ChangeBaseline::Previous;
-       }},
-      {"residual_flow", "S_mc without the camera's own motion",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.motion_change.flow = FlowKind::Residual;
-       }},
-      {"gated_feature", "S_feature in the gated form",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.feature.form = FeatureForm::Gated;
-       }},
-      {"linear_feature", "S_feature in the linear form",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.feature.form = FeatureForm::Linear;
-       }},
-      {"half_saturation", "responses against a constant",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.feature.response = ResponseScale::HalfSaturation;
-       }},
-      {"covering", "uniformity by square covering",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.feature.uniformity = Uniformity::Covering;
-       }},
-      {"observability", "S_spatial: how well objects are seen",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.spatial.form = SpatialForm::ObjectObservability;
-       }},
-      {"ratio_features", "dynamic ratio of keypoints",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.dynamic_ratio = DynamicRatio::Features;
-       }},
-      {"ratio_count", "dynamic ratio of objects",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.dynamic_ratio = DynamicRatio::Count;
-       }},
-      {"hysteresis", "th_differ 0.03 higher once BAD",
-       [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.decision.hysteresis = 0.03;
-       }},
-      {"auto_threshold", "th_differ follows the GOOD frames", [](Config& c) {
-         AssessorOptions& o = c.pipeline.assessor;
-         o.decision.auto_calibrate = true;
-       }}};
-  return list;
-}
 
 struct Arguments {
   std::vector<std::string> sequences;
@@ -247,48 +46,70 @@ struct PlannedRun {
   track::Job job;
 };
 
-/// Every variant on every sequence; a synthetic one as often as asked for, with seeds that follow each other.
-std::vector<PlannedRun> plan(const Arguments& a, const std::vector<const Variant*>& chosen) {
+/// Writes the settings of a variant, unless runs with other settings are in the folder already. \return the file
+fs::path write_settings(const Arguments& a, const track::Variant& variant) {
+  track::Config config;
+  if (!a.config.empty()) apso::read_parameters(a.config, config);
+  const fs::path file = fs::path(a.output) / "configs" / (variant.name + ".yaml");
+  const std::string text = apso::write_parameters(track::changed(config, variant)) + "\n";
+  std::string old;
+  if (std::ifstream in(file.string()); in) old.assign(std::istreambuf_iterator<char>(in), {});
+  if (old == text) return file;
+  if (!old.empty()) {
+    throw apso::io_error(file.string() + ": the runs in " + a.output + " were made with other settings; take another --output");
+  }
+  std::ofstream out(file.string());
+  out << text;
+  out.flush();
+  if (!out) throw apso::io_error(file.string() + ": cannot write");
+  return file;
+}
+
+/// The arguments of apso_track for the n-th repetition of a sequence: seeds that follow each other.
+std::vector<std::string> with_seed(std::vector<std::string> arguments, int n) {
+  const auto seed = std::find(arguments.begin(), arguments.end(), "--seed");
+  const int first = seed == arguments.end() ? 1 : std::stoi(*(seed + 1));
+  if (seed != arguments.end()) arguments.erase(seed, seed + 2);
+  arguments.insert(arguments.end(), {"--seed", std::to_string(first + n)});
+  return arguments;
+}
+
+/// Every variant on every sequence; a synthetic one as often as asked for.
+std::vector<PlannedRun> plan(const Arguments& a, const std::vector<track::Variant>& chosen) {
   fs::create_directories(fs::path(a.output) / "configs");
   std::vector<PlannedRun> runs;
   for (std::size_t v = 0; v < chosen.size(); ++v) {
-    Config config;
-    if (!a.config.empty()) apso::read_parameters(a.config, config);
-    chosen[v]->change(config);
-    apso::validate(config, chosen[v]->name);
-    const fs::path file = fs::path(a.output) / "configs" / (std::string(chosen[v]->name) + ".yaml");
-    const std::string text = apso::write_parameters(config) + "\n";
-    std::string old;
-    if (std::ifstream in(file.string()); in) old.assign(std::istreambuf_iterator<char>(in), {});
-    if (old != text) {
-      if (!old.empty()) {
-        throw apso::io_error(file.string() + ": the runs in " + a.output +
-                             " were made with other settings; take another --output");
-      }
-      std::ofstream(file.string()) << text;
-    }
+    const fs::path file = write_settings(a, chosen[v]);
     for (const std::string& sequence : a.sequences) {
       const track::SequenceSpec s = track::parse_sequence(sequence);
-      const bool synthetic = s.arguments[0].rfind("synthetic:", 0) == 0;
-      for (int r = 0; r < (synthetic ? a.repeats : 1); ++r) {
+      const bool repeated = s.arguments[0].rfind("synthetic:", 0) == 0 && a.repeats > 1;
+      for (int r = 0; r < (repeated ? a.repeats : 1); ++r) {
         PlannedRun run{v, {}};
-        run.job.arguments = s.arguments;
-        std::string name = s.name;
-        if (synthetic && a.repeats > 1) {
-          const auto seed = std::find(run.job.arguments.begin(), run.job.arguments.end(), "--seed");
-          const int first = seed == run.job.arguments.end() ? 1 : std::stoi(*(seed + 1));
-          if (seed != run.job.arguments.end()) run.job.arguments.erase(seed, seed + 2);
-          run.job.arguments.insert(run.job.arguments.end(), {"--seed", std::to_string(first + r)});
-          name += "_r" + std::to_string(r);
-        }
+        run.job.arguments = repeated ? with_seed(s.arguments, r) : s.arguments;
         run.job.arguments.insert(run.job.arguments.end(), {"--config", file.string()});
-        run.job.folder = fs::path(a.output) / chosen[v]->name / name;
+        run.job.folder = fs::path(a.output) / chosen[v].name / (repeated ? s.name + "_r" + std::to_string(r) : s.name);
         runs.push_back(std::move(run));
       }
     }
   }
   return runs;
 }
+
+/// The figures of a variant: name in the files, heading of the table (none: only in the files), unit and format there.
+struct Figure {
+  const char* name;
+  const char* heading;
+  double factor;
+  const char* format;
+};
+constexpr std::array<Figure, 8> figures{{{"ate_m", "ATE [mm]", 1e3, "%.2f"},
+                                         {"ate_features_m", nullptr, 1e3, "%.2f"},
+                                         {"rpe_1s_m", "RPE 1 s", 1e3, "%.2f"},
+                                         {"rpe_1f_m", "RPE 1 f", 1e3, "%.2f"},
+                                         {"auc_failure", "AUC", 1, "%.3f"},
+                                         {"bad_share", "BAD", 100, "%.1f %%"},
+                                         {"flagged_inside", "inside", 100, "%.0f %%"},
+                                         {"flagged_outside", "outside", 100, "%.1f %%"}}};
 
 struct Spread {
   std::vector<double> values;
@@ -311,87 +132,107 @@ struct Spread {
   }
 };
 
-json entry(const Spread& s) {
-  if (s.values.empty()) return nullptr;
-  return {{"mean", s.mean()},
-          {"standard_error", s.values.size() > 1 ? json(s.error()) : json(nullptr)},
-          {"runs", s.values.size()}};
-}
-std::string shown(double v, double factor, const char* format) {
-  if (!std::isfinite(v)) return "-";
-  char text[32];
-  std::snprintf(text, sizeof text, format, factor * v);
-  return text;
+struct Row {
+  int runs = 0;
+  int missing = 0;
+  std::array<Spread, figures.size()> spread;
+};
+
+/// The figures of one finished run, in the order of `figures`; NaN where there is none.
+std::array<double, figures.size()> measure(const fs::path& folder) {
+  const json summary = json::parse(std::ifstream((folder / "summary.json").string()));
+  const auto value = [&](const char* path) {
+    const json::json_pointer p(path);
+    return summary.contains(p) && summary[p].is_number() ? summary[p].get<double>() : track::kNone;
+  };
+  const track::Run run = track::read_run(folder.string());
+  std::vector<apso::ScoredEvent> events;
+  apso::Confusion label;
+  double flagged = 0;
+  double decided = 0;
+  for (const track::RunFrame& f : run.frames) {
+    if (!f.decided()) continue;
+    decided += 1;
+    flagged += f.flagged();
+    label.add(f.flagged(), !f.label.empty());
+    events.push_back({1 - run.at(f, "S_final"), f.failed});
+  }
+  return {value("/final/ate/rmse"),
+          value("/features/ate/rmse"),
+          value("/final/rpe_1s/translation/rmse"),
+          value("/final/rpe_1f/translation/rmse"),
+          apso::area_under_roc(events),
+          flagged / decided,
+          label.recall(),
+          label.false_alarm_rate()};
 }
 
-void table(const Arguments& a, const std::vector<const Variant*>& chosen, const std::vector<PlannedRun>& runs) {
+Row row_of(std::size_t variant, const std::vector<PlannedRun>& runs) {
+  Row row;
+  for (const PlannedRun& run : runs) {
+    if (run.variant != variant) continue;
+    if (!track::complete(run.job.folder)) {
+      ++row.missing;
+      continue;
+    }
+    ++row.runs;
+    const auto measured = measure(run.job.folder);
+    for (std::size_t i = 0; i < figures.size(); ++i) row.spread[i].add(measured[i]);
+  }
+  return row;
+}
+
+void print_head() {
+  std::printf("%-20s %5s", "variant", "runs");
+  for (const Figure& f : figures) {
+    if (f.heading != nullptr) std::printf(" %9s", f.heading);
+  }
+  std::printf("\n");
+}
+
+void print(const track::Variant& variant, const Row& row) {
+  std::printf("%-20s %5d", variant.name.c_str(), row.runs);
+  for (std::size_t i = 0; i < figures.size(); ++i) {
+    if (figures[i].heading == nullptr) continue;
+    char text[32] = "-";
+    if (const double v = row.spread[i].mean(); std::isfinite(v)) std::snprintf(text, sizeof text, figures[i].format, figures[i].factor * v);
+    std::printf(" %9s", text);
+  }
+  std::printf("  %s", variant.meaning.c_str());
+  if (row.missing > 0) std::printf(" (%d runs missing)", row.missing);
+  std::printf("\n");
+}
+
+json to_json(const track::Variant& variant, const Row& row) {
+  json j{{"variant", variant.name}, {"meaning", variant.meaning}, {"runs", row.runs}, {"missing", row.missing}};
+  for (std::size_t i = 0; i < figures.size(); ++i) {
+    const Spread& s = row.spread[i];
+    json& entry = j[figures[i].name];
+    if (s.values.empty()) continue;
+    entry = {{"mean", s.mean()}, {"standard_error", nullptr}, {"runs", s.values.size()}};
+    if (s.values.size() > 1) entry["standard_error"] = s.error();
+  }
+  return j;
+}
+
+/// Prints the table, and writes it as ablation.json and ablation.csv.
+void table(const Arguments& a, const std::vector<track::Variant>& chosen, const std::vector<PlannedRun>& runs) {
   json rows = json::array();
   std::ofstream csv((fs::path(a.output) / "ablation.csv").string());
-  csv << "variant,runs,missing,ate_m,ate_features_m,rpe_1s_m,rpe_1f_m,auc_failure,bad_share,flagged_inside,flagged_"
-         "outside\n";
-  std::printf("%-20s %5s %9s %9s %9s %7s %7s %8s %8s  %s\n", "variant", "runs", "ATE [mm]", "RPE 1 s", "RPE 1 f", "AUC",
-              "BAD", "inside", "outside", "");
+  csv << "variant,runs,missing";
+  for (const Figure& f : figures) csv << ',' << f.name;
+  csv << '\n';
+  print_head();
   for (std::size_t v = 0; v < chosen.size(); ++v) {
-    Spread ate, ate_features, rpe_1s, rpe_1f, auc, bad, inside, outside;
-    int missing = 0;
-    int count = 0;
-    for (const PlannedRun& run : runs) {
-      if (run.variant != v) continue;
-      if (!track::complete(run.job.folder)) {
-        ++missing;
-        continue;
-      }
-      ++count;
-      const json summary = json::parse(std::ifstream((run.job.folder / "summary.json").string()));
-      const auto value = [&](const char* path) {
-        const json::json_pointer p(path);
-        return summary.contains(p) && summary[p].is_number() ? summary[p].get<double>() : track::kNone;
-      };
-      ate.add(value("/final/ate/rmse"));
-      ate_features.add(value("/features/ate/rmse"));
-      rpe_1s.add(value("/final/rpe_1s/translation/rmse"));
-      rpe_1f.add(value("/final/rpe_1f/translation/rmse"));
-      const track::Run r = track::read_run(run.job.folder.string());
-      std::vector<apso::ScoredEvent> events;
-      apso::Confusion label;
-      double flagged = 0;
-      double decided = 0;
-      for (const track::RunFrame& f : r.frames) {
-        if (!f.decided()) continue;
-        decided += 1;
-        flagged += f.flagged();
-        label.add(f.flagged(), !f.label.empty());
-        events.push_back({1 - r.at(f, "S_final"), f.failed});
-      }
-      auc.add(apso::area_under_roc(events));
-      bad.add(flagged / decided);
-      inside.add(label.recall());
-      outside.add(label.false_alarm_rate());
-    }
-    std::printf("%-20s %5d %9s %9s %9s %7s %7s %8s %8s  %s%s\n", chosen[v]->name, count,
-                shown(ate.mean(), 1e3, "%.2f").c_str(), shown(rpe_1s.mean(), 1e3, "%.2f").c_str(),
-                shown(rpe_1f.mean(), 1e3, "%.2f").c_str(), shown(auc.mean(), 1, "%.3f").c_str(),
-                shown(bad.mean(), 100, "%.1f %%").c_str(), shown(inside.mean(), 100, "%.0f %%").c_str(),
-                shown(outside.mean(), 100, "%.1f %%").c_str(), chosen[v]->meaning,
-                missing > 0 ? (" (" + std::to_string(missing) + " runs missing)").c_str() : "");
-    csv << chosen[v]->name << ',' << count << ',' << missing;
-    for (const Spread* s : {&ate, &ate_features, &rpe_1s, &rpe_1f, &auc, &bad, &inside, &outside}) {
+    const Row row = row_of(v, runs);
+    print(chosen[v], row);
+    csv << chosen[v].name << ',' << row.runs << ',' << row.missing;
+    for (const Spread& s : row.spread) {
       csv << ',';
-      if (std::isfinite(s->mean())) csv << s->mean();
+      if (std::isfinite(s.mean())) csv << s.mean();
     }
     csv << '\n';
-    rows.push_back({{"variant", chosen[v]->name},
-                    {"meaning", chosen[v]->meaning},
-                    {"runs", count},
-                    {"missing", missing},
-                    {"ate_m", entry(ate)},
-                    {"ate_features_m", entry(ate_features)},
-                    {"rpe_1s_m", entry(rpe_1s)},
-                    {"rpe_1f_m", entry(rpe_1f)},
-                    {"auc_failure", entry(auc)},
-                    {"bad_share", entry(bad)},
-                    {"flagged_inside", entry(inside)},
-                    {"flagged_outside", entry(outside)}});
+    rows.push_back(to_json(chosen[v], row));
   }
   std::ofstream((fs::path(a.output) / "ablation.json").string())
       << json{{"version", APSO_VERSION}, {"sequences", a.sequences}, {"repeats", a.repeats}, {"variants", rows}}.dump(2)
@@ -399,15 +240,15 @@ void table(const Arguments& a, const std::vector<const Variant*>& chosen, const 
 }
 
 int run(const Arguments& a) {
-  std::vector<const Variant*> chosen;
-  for (const Variant& v : variants()) {
-    if (a.only.empty() || std::find(a.only.begin(), a.only.end(), v.name) != a.only.end()) chosen.push_back(&v);
+  std::vector<track::Variant> chosen = track::variants();
+  if (!a.only.empty()) {
+    const auto left_out = [&](const track::Variant& v) { return std::find(a.only.begin(), a.only.end(), v.name) == a.only.end(); };
+    chosen.erase(std::remove_if(chosen.begin(), chosen.end(), left_out), chosen.end());
   }
   const std::vector<PlannedRun> runs = plan(a, chosen);
   if (!a.plan.empty()) {
     json list = json::array();
-    for (const PlannedRun& r : runs)
-      list.push_back({{"folder", r.job.folder.string()}, {"arguments", r.job.arguments}});
+    for (const PlannedRun& r : runs) list.push_back({{"folder", r.job.folder.string()}, {"arguments", r.job.arguments}});
     std::ofstream file(a.plan);
     file << list.dump(2) << '\n';
     if (!file) throw apso::io_error(a.plan + ": cannot write");
@@ -429,25 +270,23 @@ int run(const Arguments& a) {
 int main(int argc, char** argv) {
   Arguments a;
   CLI::App app{
-      "Switches every part of the assessment off in turn, on a list of sequences. A sequence is written "
-      "NAME,option=value,...\n"
-      "with the options of apso_track, e.g. 'recording,camera=bonn' or 'synthetic:stress_all,max-frames=540,seed=1'. "
-      "What is done\n"
-      "is not done again: stop it and start it anew as you like. Exit code: 0 done, 1 bad input or a run failed, 2 "
-      "wrong usage."};
+      "Runs apso_track with one part of the method switched off or exchanged at a time, and compares the results.\n"
+      "A sequence is written NAME,option=value,... with the options of apso_track, e.g. 'recording,camera=bonn' or\n"
+      "'synthetic:stress_all,max-frames=540,seed=1'. Finished runs are kept: interrupt and restart it as you like.\n"
+      "Exit code: 0 done, 1 bad input or a run failed, 2 wrong usage."};
   app.set_version_flag("--version", APSO_VERSION);
   std::vector<std::string> names;
-  for (const Variant& v : variants()) names.push_back(v.name);
+  for (const track::Variant& v : track::variants()) names.push_back(v.name);
   app.add_option("SEQUENCE", a.sequences, "sequences to run on")->required();
   app.add_option("--output", a.output, "folder for the runs, ablation.json and ablation.csv")->required();
   app.add_option("--only", a.only, "only these variants")->check(CLI::IsMember(names))->delimiter(',');
-  app.add_option("--repeats", a.repeats, "runs of each synthetic sequence, with seeds that follow each other")
+  app.add_option("--repeats", a.repeats, "runs of each synthetic sequence, with consecutive seeds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_option("--jobs", a.jobs, "runs at the same time")->check(CLI::Range(1, 1024))->capture_default_str();
-  app.add_option("--config", a.config, "settings that all variants start from");
-  app.add_option("--plan", a.plan, "write the list of runs to this file (JSON) instead of running them, for a cluster");
-  app.add_flag("--table", a.table_only, "run nothing, only make the table of what is done");
+  app.add_option("--jobs", a.jobs, "number of parallel runs")->check(CLI::Range(1, 1024))->capture_default_str();
+  app.add_option("--config", a.config, "YAML file with the settings that all variants start from");
+  app.add_option("--plan", a.plan, "only write the list of runs to this file (JSON), e.g. for a cluster");
+  app.add_flag("--table", a.table_only, "run nothing, only print the table of the finished runs");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -284,15 +284,14 @@ int main(int argc, char** argv) {
   double factor = 3;
   CLI::App app{
       "Compares the scores of finished runs of apso_track with the true error of its feature tracker. Use runs with\n"
-      "--no-refinement to judge the prediction, runs with refinement to judge the repair. Exit code: 0 done, 1 bad "
-      "input,\n"
-      "2 wrong usage."};
+      "--no-refinement to judge the prediction, runs with refinement to judge the correction.\n"
+      "Exit code: 0 done, 1 bad input, 2 wrong usage."};
   app.set_version_flag("--version", APSO_VERSION);
   app.add_option("RUN", folders, "result folders of apso_track; FOLDER=FILE takes the ground truth from FILE")
       ->required();
   app.add_option("--output", output, "folder for assess.json, roc.png, reliability.png, timeline.png")->required();
   app.add_option("--failure-factor", factor,
-                 "a frame failed when it is lost or its 1-frame error exceeds this multiple of the run's median")
+                 "a frame counts as failed if it is lost or its 1-frame error exceeds this multiple of the run's median")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   try {

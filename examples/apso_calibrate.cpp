@@ -1,5 +1,5 @@
-// apso_calibrate: finds the constants of the scene assessment on recordings of the own camera, and writes them as a
-// file that `apso_track --config` reads.
+// apso_calibrate: fits the constants of the scene assessment to recordings of your camera, and writes a file for
+// `apso_track --config`.
 
 #include <algorithm>
 #include <cmath>
@@ -13,11 +13,10 @@
 #include <CLI/CLI.hpp>
 
 #include <apso/io/parameters.hpp>
-#include <apso/opencv/feature_tracker.hpp>
-#include <apso/pipeline/pipeline.hpp>
 #include <apso/quality/calibration.hpp>
 #include <apso/version.hpp>
 
+#include "track/config.hpp"
 #include "track/run_folder.hpp"
 #include "track/sequence_list.hpp"
 
@@ -97,7 +96,7 @@ void append_samples(const std::vector<track::Run>& runs, bool by_error, std::vec
   }
 }
 
-/// Change scores anew from what was measured.
+/// Recomputes the change scores from the recorded measurements.
 void rescale(std::vector<apso::CalibrationSample>& samples, const apso::AssessorOptions& o) {
   for (apso::CalibrationSample& s : samples) {
     if (s.S_mc && std::isfinite(s.flow))
@@ -125,18 +124,7 @@ double share_below(const std::vector<double>& v, double limit) {
          static_cast<double>(v.size());
 }
 
-/// The options of apso_track.
-struct Config {
-  apso::PipelineOptions pipeline;
-  apso::opencv::FeatureTrackerOptions tracker;
-  template <class Self, class V>
-  static void fields(Self& s, V&& v) {
-    v("pipeline", s.pipeline);
-    v("tracker", s.tracker);
-  }
-};
-
-void write_config(const std::string& file, const Arguments& a, const Config& config) {
+void write_config(const std::string& file, const Arguments& a, const track::Config& config) {
   std::ofstream out(file);
   out << "# Found by apso_calibrate " << APSO_VERSION << " on:\n";
   for (const std::string& s : a.calm) out << "#   calm " << s << '\n';
@@ -147,7 +135,7 @@ void write_config(const std::string& file, const Arguments& a, const Config& con
 }
 
 int run(const Arguments& a) {
-  Config config;
+  track::Config config;
   if (!a.config.empty()) apso::read_parameters(a.config, config);
   apso::AssessorOptions& o = config.pipeline.assessor;
   const auto calm_runs = runs_of(a.calm, a);
@@ -212,23 +200,21 @@ int run(const Arguments& a) {
 int main(int argc, char** argv) {
   Arguments a;
   CLI::App app{
-      "Calibrates the scene assessment. A sequence is written NAME,option=value,... with the options of apso_track, "
-      "e.g.\n"
-      "'recording,camera=tum-fr1,max-frames=300' or 'synthetic:static_xyz,seed=7'; a result folder of apso_track will "
-      "do as\n"
-      "well. Exit code: 0 done, 1 bad input, 2 wrong usage."};
+      "Calibrates the scene assessment. A sequence is written NAME,option=value,... with the options of apso_track, e.g.\n"
+      "'recording,camera=tum-fr1,max-frames=300' or 'synthetic:static_xyz,seed=7', or is a result folder of apso_track.\n"
+      "Exit code: 0 done, 1 bad input, 2 wrong usage."};
   app.set_version_flag("--version", APSO_VERSION);
   app.add_option("SEQUENCE", a.calm,
-                 "calm recordings without people, as the camera is usually moved: scales and th_differ come from them")
+                 "calm recordings without people, with typical camera motion: they determine the scales and th_differ")
       ->required();
   app.add_option("--output", a.output, "configuration file to write (YAML)")->required();
   app.add_option("--hard", a.hard, "recordings with ground truth in which tracking fails at times, for --fit-weights");
   app.add_flag("--fit-weights", a.fit_weights, "fit the weights of the scores to predict failure");
-  app.add_flag("--keep-scales", a.keep_scales, "leave the scales of the change scores as they are");
+  app.add_flag("--keep-scales", a.keep_scales, "do not change the scales of the change scores");
   app.add_option("--config", a.config, "configuration to start from");
   app.add_option("--work", a.work,
-                 "folder for the runs (default: OUTPUT.runs); runs that are there are not made again");
-  app.add_option("--jobs", a.jobs, "runs at the same time")->check(CLI::Range(1, 256))->capture_default_str();
+                 "folder for the runs (default: OUTPUT.runs); finished runs in it are reused");
+  app.add_option("--jobs", a.jobs, "number of parallel runs")->check(CLI::Range(1, 256))->capture_default_str();
   try {
     app.parse(argc, argv);
     if (a.fit_weights && a.hard.empty()) throw CLI::RequiredError("--fit-weights needs --hard");

@@ -17,7 +17,7 @@
 
 namespace {
 
-/// Takes "1s", "0.5s", "5f", "2m", "10deg", "0.1rad" apart.
+/// Parses "1s", "0.5s", "5f", "2m", "10deg", "0.1rad".
 void parse_delta(const std::string& text, apso::RpeOptions& options) {
   const std::string expected =
       "--delta '" + text + "': expected a positive number and a unit, e.g. 1s, 0.5s, 1f, 2m, 10deg, 1rad";
@@ -74,7 +74,7 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  apso_eval groundtruth.txt estimate.txt\n"
       "  apso_eval groundtruth.txt estimate.txt --association evo --delta 1f --json\n"
-      "Exit status: 0 when the ATE could be computed, not 0 otherwise.");
+      "Exit status: 0 if the ATE could be computed, nonzero otherwise.");
   std::string groundtruth_path;
   std::string estimate_path;
   std::string delta = "1s";
@@ -86,7 +86,7 @@ int main(int argc, char** argv) {
   std::string form = "tum";
   app.add_option("groundtruth", groundtruth_path, "Ground-truth trajectory")->required();
   app.add_option("estimate", estimate_path, "Estimated trajectory")->required();
-  app.add_option("--align", align, "Lay the estimate onto the ground truth: se3 (rigid, least squares) or none")
+  app.add_option("--align", align, "Align the estimate to the ground truth: se3 (rigid, least squares) or none")
       ->check(CLI::IsMember({"se3", "none"}))
       ->capture_default_str();
   app.add_option("--association", association,
@@ -94,15 +94,15 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"tum", "evo"}))
       ->capture_default_str();
   app.add_option("--max-difference", ate_options.max_difference,
-                 "Largest difference of the stamps of an ATE pair [s]; 0 = 0.02 (tum), 0.01 (evo)")
+                 "Largest timestamp difference of an ATE pair [s]; 0 = 0.02 (tum), 0.01 (evo)")
       ->check(CLI::Range(0.0, 1e9))
       ->capture_default_str();
-  app.add_option("--offset", ate_options.time_offset, "Added to the stamps of the estimate [s]")
+  app.add_option("--offset", ate_options.time_offset, "Added to the timestamps of the estimate [s]")
       ->check(CLI::Range(-1e12, 1e12))
       ->capture_default_str();
   app.add_option("--delta", delta, "Interval of the RPE: a number with unit s, f (frames), m, rad or deg")
       ->capture_default_str();
-  app.add_option("--rpe", form, "Form of the RPE: tum (as the script computes) or paper (as printed, and as evo)")
+  app.add_option("--rpe", form, "Definition of the RPE: tum (evaluate_rpe.py) or paper (as published; evo agrees)")
       ->check(CLI::IsMember({"tum", "paper"}))
       ->capture_default_str();
   app.add_flag("--json", json, "Print JSON instead of a table");

@@ -1,6 +1,6 @@
-// apso_motion: how well each motion policy sees what moves. Runs policies side by side on the same frames, each with its
-// own feature tracker, and prints one table: masks against truth, false alarms on static recordings, what the masks do to
-// the trajectory, and the time they take.
+// apso_motion: how well does each motion policy find what moves? Runs policies side by side on the same frames, each with its
+// own feature tracker, and prints one table: masks against the truth, false alarms on static recordings, the resulting
+// trajectory error, and CPU time.
 
 #include <algorithm>
 #include <cstdio>
@@ -19,11 +19,11 @@
 
 #include <apso/evaluation/ate.hpp>
 #include <apso/io/parameters.hpp>
-#include <apso/opencv/feature_tracker.hpp>
-#include <apso/opencv/detectors/motion_by_name.hpp>
 #include <apso/version.hpp>
 
+#include "track/config.hpp"
 #include "track/frame_source.hpp"
+#include "track/progress.hpp"
 
 namespace {
 
@@ -51,7 +51,7 @@ struct Arguments {
   bool reverse = false;
 };
 
-/// The truth of the current frame, shared by the policies that play a perfect network.
+/// The true mask of the current frame, shared by the policies that simulate a perfect network.
 struct Truth {
   cv::Mat mask;  ///< 8-bit, nonzero = may move, k = instance; empty where there is no truth
 };
@@ -137,7 +137,8 @@ struct Score {
 };
 
 struct Runner {
-  Runner(apso::AnyMotionPolicy p, const apso::Pinhole& camera) : policy(std::move(p)), tracker(camera) {}
+  Runner(apso::AnyMotionPolicy p, const apso::Pinhole& camera, const apso::opencv::FeatureTrackerOptions& options)
+      : policy(std::move(p)), tracker(camera, options) {}
   apso::AnyMotionPolicy policy;
   apso::opencv::FeatureTracker tracker;
   apso::DynamicMask mask;
@@ -147,7 +148,7 @@ struct Runner {
 
 double cpu_ms() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
-/// A sequence: synthetic:NAME, or FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with a folder of true masks named by stamp.
+/// A sequence: synthetic:NAME, or FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with a folder of true masks named by timestamp.
 struct Sequence {
   std::string name;
   std::unique_ptr<track::FrameSource> source;
@@ -178,7 +179,7 @@ Sequence open(const std::string& text, const Arguments& a) {
   return s;
 }
 
-std::vector<Score> run(Sequence& s, const Arguments& a, const apso::opencv::MotionOptions& options) {
+std::vector<Score> run(Sequence& s, const Arguments& a, const track::Config& config) {
   const apso::Pinhole camera = s.source->camera();
   Truth truth;
   apso::opencv::MotionFiles files;
@@ -187,10 +188,11 @@ std::vector<Score> run(Sequence& s, const Arguments& a, const apso::opencv::Moti
                               {"boxes", [&] { return apso::opencv::DetectorPolicy<TrueBoxes>(TrueBoxes(&truth)); }}};
   std::vector<std::unique_ptr<Runner>> runners;
   for (const std::string& p : a.policies) {
-    runners.push_back(std::make_unique<Runner>(apso::opencv::motion_by_name(p, camera, options, files, own), camera));
+    runners.push_back(std::make_unique<Runner>(apso::opencv::motion_by_name(p, camera, config.motion, files, own), camera, config.tracker));
   }
 
   track::LoadedFrame frame;
+  track::ProgressLine progress;
   const int total = a.frames > 0 ? std::min(a.frames, s.source->size()) : s.source->size();
   for (int k = 0; k < total; ++k) {
     const int i = a.reverse ? total - 1 - k : k;
@@ -221,9 +223,9 @@ std::vector<Score> run(Sequence& s, const Arguments& a, const apso::opencv::Moti
       // with a single pair only the second frame has a past
       if (total > 2 || k > 0) r->score.judge(r->mask, truth.mask);
     }
-    std::fprintf(stderr, "\r%s %d/%d ", s.name.c_str(), k + 1, total);
+    progress.show(k + 1, total, s.name);
   }
-  std::fputc('\n', stderr);
+  progress.end();
   std::vector<Score> scores;
   for (const auto& r : runners) {
     if (!s.source->groundtruth().empty() && total > 20 && !a.reverse) {
@@ -333,8 +335,8 @@ void print_overview(const std::vector<Measured>& all, const std::vector<std::str
 }
 
 int main_program(const Arguments& a) {
-  apso::opencv::MotionOptions options;
-  if (!a.config.empty()) apso::read_parameters(a.config, options);
+  track::Config config;
+  if (!a.config.empty()) apso::read_parameters(a.config, config);
   std::ofstream csv;
   if (!a.csv.empty()) {
     csv.open(a.csv);
@@ -347,7 +349,7 @@ int main_program(const Arguments& a) {
     Measured m;
     m.name = s.name;
     m.kind = s.synthetic == nullptr ? Kind::Recorded : s.name.rfind("walking", 0) == 0 ? Kind::Walking : Kind::Static;
-    m.scores = run(s, a, options);
+    m.scores = run(s, a, config);
     print(m.name, a.policies, m.scores);
     for (std::size_t i = 0; i < m.scores.size() && csv; ++i) {
       const Score& c = m.scores[i];
@@ -366,12 +368,12 @@ int main_program(const Arguments& a) {
 int main(int argc, char** argv) {
   Arguments a;
   CLI::App app{
-      "Measures motion policies on recordings: IoU and recall of the mask against the truth (frames in which people cover\n"
-      "1 % or more), share of the static pixels that are called dynamic (mean, worst frame), error of the trajectory of a\n"
-      "feature tracker that uses the mask, CPU time per frame. Prints Markdown tables.\n"
-      "Besides the policies of apso_track there are 'truth' (the true mask) and 'boxes' (boxes of the true instances)."};
+      "Compares motion policies on recordings: IoU and recall of the mask (frames in which people cover 1 % or more), share\n"
+      "of static pixels marked as dynamic (mean, worst frame), trajectory error of a feature tracker that uses the mask,\n"
+      "and CPU time per frame. Prints Markdown tables.\n"
+      "In addition to the policies of apso_track there are 'truth' (the true mask) and 'boxes' (boxes of the true instances)."};
   app.set_version_flag("--version", APSO_VERSION);
-  app.add_option("SEQUENCE", a.sequences, "synthetic:NAME, FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with true masks named by stamp\n"
+  app.add_option("SEQUENCE", a.sequences, "synthetic:NAME, FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with true masks named by timestamp\n"
                                           "(cameras: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim)")->required();
   app.add_option("--policies", a.policies, "policy expressions, separated by commas, see docs/observation.md")
       ->delimiter(',')
@@ -379,9 +381,9 @@ int main(int argc, char** argv) {
       ->default_str("fourteen of them");
   app.add_option("--frames", a.frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);
   app.add_option("--seed", a.seed, "of the synthetic sequences")->capture_default_str();
-  app.add_option("--config", a.config, "YAML file with options of the policies");
+  app.add_option("--config", a.config, "YAML file with options, as for apso_track; those of the policies and of the tracker count");
   app.add_option("--model", a.model, "ONNX file, for the policy 'dnn'");
-  app.add_option("--csv", a.csv, "also write all figures to this file");
+  app.add_option("--csv", a.csv, "also write all figures to this CSV file");
   app.add_flag("--reverse", a.reverse, "play the sequences backwards");
   try {
     app.parse(argc, argv);
@@ -392,7 +394,7 @@ int main(int argc, char** argv) {
   try {
     return main_program(a);
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "\napso_motion: %s\n", e.what());
+    std::fprintf(stderr, "apso_motion: %s\n", e.what());
     return 1;
   }
 }

@@ -16,6 +16,8 @@
 #include <apso/testing/synthetic.hpp>
 #include <apso/version.hpp>
 
+#include "track/progress.hpp"
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -46,6 +48,7 @@ int run(const std::string& name, const fs::path& out, const apso::testing::Synth
   apso::testing::SyntheticFrame frame;
   cv::Mat bgr;
   cv::Mat units;
+  track::ProgressLine progress(!quiet);
   for (int i = 0; i < sequence.size(); ++i) {
     sequence.render(i, frame);
     const int w = frame.depth.width();
@@ -62,9 +65,9 @@ int run(const std::string& name, const fs::path& out, const apso::testing::Synth
     depth << stamp << " depth/" << file << '\n';
     associations << stamp << " rgb/" << file << ' ' << stamp << " depth/" << file << '\n';
     truth.push_back({frame.timestamp, frame.T_world_camera});
-    if (!quiet) std::fprintf(stderr, "\r%d/%d frames", i + 1, sequence.size());
+    progress.show(i + 1, sequence.size(), "frames");
   }
-  if (!quiet) std::fputc('\n', stderr);
+  progress.end();
   if (!rgb || !depth || !associations) throw apso::io_error(out.string() + ": cannot write the lists of images");
   apso::write_trajectory((out / "groundtruth.txt").string(), truth);
   write_camera(out / "camera.yaml", name, sequence.camera());

@@ -1,12 +1,11 @@
-// apso_track: the whole method on one sequence. Writes the trajectory, the scores of every frame, an honest error
-// against ground truth where there is one, and pictures.
+// apso_track: the whole method on one sequence. Writes the trajectory, the scores of every frame, pictures, and the error if
+// there is ground truth.
 
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <iostream>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,24 +15,24 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include <apso/io/camera_yaml.hpp>
 #include <apso/io/detection_text.hpp>
 #include <apso/io/parameters.hpp>
 #include <apso/observation/soft_weights.hpp>
 #include <apso/opencv/drawing.hpp>
-#include <apso/opencv/feature_tracker.hpp>
-#include <apso/opencv/detectors/motion_by_name.hpp>
 #include <apso/pipeline/pipeline.hpp>
-#include <apso/quality/explain.hpp>
 #include <apso/version.hpp>
 
+#include "track/config.hpp"
 #include "track/degraded_source.hpp"
 #include "track/frame_source.hpp"
 #include "track/output.hpp"
-#include "track/plots.hpp"
 #include "track/pictures.hpp"
+#include "track/plots.hpp"
+#include "track/progress.hpp"
+#include "track/results.hpp"
+#include "track/summary.hpp"
 
 namespace {
 
@@ -43,6 +42,7 @@ using json = nlohmann::json;
 constexpr int exit_bad_input = 1;
 constexpr int exit_usage = 2;
 constexpr int exit_no_pose = 3;
+constexpr int exit_interrupted = 130;  // as shells report SIGINT
 
 volatile std::sig_atomic_t interrupted = 0;
 
@@ -66,20 +66,6 @@ struct Arguments {
   int max_frames = 0;
   int people = -1;
   unsigned seed = 1;
-};
-
-struct TrackOptions {
-  apso::PipelineOptions pipeline;
-  apso::opencv::FeatureTrackerOptions tracker;
-  apso::opencv::MotionOptions motion;  ///< of every policy that --motion can name
-  apso::SoftWeightOptions soft_weights;
-  template <class Self, class V>
-  static void fields(Self& s, V&& v) {
-    v("pipeline", s.pipeline);
-    v("tracker", s.tracker);
-    v("motion", s.motion);
-    v("soft_weights", s.soft_weights);
-  }
 };
 
 /// Milliseconds since the last call.
@@ -133,225 +119,201 @@ apso::ClassList class_list(const Arguments& a) {
 /// The pipeline with a motion policy that is chosen at run time.
 using Pipeline = apso::BasicPipeline<apso::Pose, apso::AnyMotionPolicy>;
 
-/// The policy that --motion names. What it reads itself is taken out of the arguments, so that it is not used twice.
-apso::AnyMotionPolicy open_motion(Arguments& a, const apso::Pinhole& camera, const TrackOptions& options) {
+/// The policy that --motion names. Files that it reads are removed from the arguments, so that they are not used twice.
+apso::AnyMotionPolicy open_motion(Arguments& a, const apso::Pinhole& camera, const apso::opencv::MotionOptions& options) {
   apso::opencv::MotionFiles files;
   files.masks = a.masks;
   files.detections = a.detections;
   files.model = a.model;
   files.classes = class_list(a);
-  apso::AnyMotionPolicy policy = apso::opencv::motion_by_name(a.motion, camera, options.motion, files);
+  apso::AnyMotionPolicy policy = apso::opencv::motion_by_name(a.motion, camera, options, files);
   for (const std::string& name : apso::policy_names(a.motion)) {
     if (name == "precomputed" || name == "semantic") a.masks = a.detections = "";
   }
   return policy;
 }
 
-void show_progress(int done, int total, const char* state, double ms, bool last) {
-  constexpr int width = 32;
-  const int filled = total > 0 ? width * done / total : width;
-  std::fprintf(stderr, "\r[%s%s] %d/%d  %-12s %5.1f ms/frame ", std::string(static_cast<std::size_t>(filled), '#').c_str(),
-               std::string(static_cast<std::size_t>(width - filled), '.').c_str(), done, total, state, ms);
-  if (last) std::fputc('\n', stderr);
-}
+/// One run of the program: what it reads, what it computes with, what it writes.
+class Run {
+ public:
+  explicit Run(const Arguments& a);
+  /// \return the exit code
+  int execute();
 
-json evaluate(const apso::Trajectory& truth, const apso::Trajectory& estimate) {
-  apso::AteOptions ate_options;
-  ate_options.association = apso::AssociationRule::Evo;
-  const apso::AteResult ate = apso::ate(truth, estimate, ate_options);
-  if (!succeeded(ate.status)) return nullptr;
-  json result{{"pairs", ate.pairs.size()}, {"ate", track::to_json(ate.statistics)}};
-  const auto add_rpe = [&](const char* name, double delta, apso::DeltaUnit unit) {
-    apso::RpeOptions options;
-    options.delta = delta;
-    options.unit = unit;
-    const apso::RpeResult rpe = apso::rpe(truth, estimate, options);
-    if (!succeeded(rpe.status)) return;
-    result[name] = {{"pairs", rpe.translation.count},
-                    {"translation", track::to_json(rpe.translation)},
-                    {"rotation_deg", track::to_json(rpe.rotation_deg)}};
-  };
-  add_rpe("rpe_1s", 1.0, apso::DeltaUnit::Seconds);
-  add_rpe("rpe_1f", 1.0, apso::DeltaUnit::Frames);
-  return result;
-}
+ private:
+  void process(int i);
+  void write();
 
-int run(Arguments a) {
-  TrackOptions options;
-  if (!a.config.empty()) apso::read_parameters(a.config, options);
-  if (a.motion == "none") options.pipeline.motion = false;
-  if (a.no_refinement) options.pipeline.refinement = false;
+  Arguments a_;
+  track::Config options_;
+  std::unique_ptr<track::FrameSource> source_;
+  track::SyntheticSource* synthetic_ = nullptr;  ///< the source, if it is one
+  std::unique_ptr<track::MaskFolder> masks_;
+  std::unique_ptr<apso::DetectionLog> detections_;
+  fs::path out_;
+  bool holds_masks_ = false;
+  int total_ = 0;  ///< frames to process
+  std::optional<Pipeline> pipeline_;
+  std::optional<apso::opencv::FeatureTracker> tracker_;
+  std::optional<track::FrameTable> table_;
+  std::optional<track::OverlayChooser> overlays_;
+  track::ProgressLine progress_;
+  track::Record record_;
 
-  std::unique_ptr<track::FrameSource> source = open_source(a);
-  auto* const synthetic = dynamic_cast<track::SyntheticSource*>(source.get());
-  if (!a.spoil.empty()) source = std::make_unique<track::DegradedSource>(std::move(source), a.spoil);
-  apso::AnyMotionPolicy motion = open_motion(a, source->camera(), options);
-  std::unique_ptr<track::MaskFolder> masks;
-  if (!a.masks.empty()) masks = std::make_unique<track::MaskFolder>(a.masks);
-  std::unique_ptr<apso::DetectionLog> detections;
-  if (!a.detections.empty()) {
-    detections = std::make_unique<apso::DetectionLog>(a.detections, source->camera().width, source->camera().height, class_list(a));
+  track::LoadedFrame frame_;
+  cv::Mat mask_;
+  cv::Mat mask_out_;
+  apso::Image<float> soft_;   ///< the mask, softened
+};
+
+Run::Run(const Arguments& a) : a_(a), progress_(!a.quiet) {
+  if (!a_.config.empty()) apso::read_parameters(a_.config, options_);
+  if (a_.motion == "none") options_.pipeline.motion = false;
+  if (a_.no_refinement) options_.pipeline.refinement = false;
+
+  const std::string masks_read = a_.masks;
+  source_ = open_source(a_);
+  synthetic_ = dynamic_cast<track::SyntheticSource*>(source_.get());
+  if (!a_.spoil.empty()) source_ = std::make_unique<track::DegradedSource>(std::move(source_), a_.spoil);
+  apso::AnyMotionPolicy motion = open_motion(a_, source_->camera(), options_.motion);
+  if (!a_.masks.empty()) masks_ = std::make_unique<track::MaskFolder>(a_.masks);
+  if (!a_.detections.empty()) {
+    detections_ = std::make_unique<apso::DetectionLog>(a_.detections, source_->camera().width, source_->camera().height, class_list(a_));
   }
-  if (a.true_masks && synthetic == nullptr) throw apso::io_error("--true-masks: only synthetic sequences have true masks");
+  if (a_.true_masks && synthetic_ == nullptr) throw apso::io_error("--true-masks: only synthetic sequences have true masks");
+  for (const std::string& w : source_->warnings()) std::fprintf(stderr, "warning: %s\n", w.c_str());
+  total_ = a_.max_frames > 0 ? std::min(a_.max_frames, source_->size()) : source_->size();
 
-  const fs::path out(a.output);
-  fs::create_directories(out / "overlays");
-  if (a.write_masks) fs::create_directories(out / "masks");
-  cv::setNumThreads(a.threads);
-  for (const std::string& w : source->warnings()) std::fprintf(stderr, "warning: %s\n", w.c_str());
+  cv::setNumThreads(a_.threads);
+  pipeline_.emplace(source_->camera(), std::move(motion), options_.pipeline);
+  tracker_.emplace(source_->camera(), options_.tracker);
+  const track::ResultFolder results = track::prepare_results(a_.output, a_.write_masks, masks_read, a_.sequence);
+  out_ = results.path;
+  holds_masks_ = results.holds_masks;
+  table_.emplace((out_ / "frames.csv").string());
+  overlays_.emplace(out_ / "overlays");
+}
 
-  Pipeline pipeline(source->camera(), std::move(motion), options.pipeline);
-  apso::opencv::FeatureTracker tracker(source->camera(), options.tracker);
-  track::FrameTable table((out / "frames.csv").string());
-  track::OverlayChooser overlays(out / "overlays");
+void Run::process(int i) {
+  Pipeline& pipeline = *pipeline_;
+  apso::opencv::FeatureTracker& tracker = *tracker_;
+  track::LoadedFrame& frame = frame_;
+  Stopwatch watch;
+  track::Timing ms;
+  if (const auto problem = source_->load(i, frame)) {
+    record_.skipped.push_back({{"frame", i}, {"timestamp", source_->timestamp(i)}, {"reason", *problem}});
+    return;
+  }
+  mask_.release();
+  if (masks_) {
+    if (const auto problem = masks_->load(frame.name, frame.gray.size(), mask_)) record_.mask_problems.push_back(*problem);
+  }
+  if (a_.true_masks) mask_ = cv::Mat(frame.gray.size(), CV_8UC1, const_cast<std::uint8_t*>(synthetic_->truth().instance.data())).clone();
+  ms.load = watch.lap();
 
-  apso::Trajectory final_poses;
-  apso::Trajectory feature_poses;
-  std::vector<apso::FrameReport> reports;
-  std::vector<track::Timing> timings;
-  json skipped = json::array();
-  json mask_problems = json::array();
-  std::string failure;
-  const int total = a.max_frames > 0 ? std::min(a.max_frames, source->size()) : source->size();
+  tracker.begin(frame.gray, frame.rgbd);
+  // The last mask is close enough for a first pose; the motion policy starts from that.
+  const auto prior = tracker.estimate(pipeline.observation().mask.probability);
+  ms.features = watch.lap();
 
-  track::LoadedFrame frame;
-  cv::Mat mask;
-  cv::Mat mask_out;
-  apso::Image<float> soft;        // the mask, softened
-  int softened = 0;
-  for (int i = 0; i < total && interrupted == 0; ++i) {
+  const auto* objects = detections_ ? &detections_->at(frame.timestamp) : nullptr;
+  apso::ImageView<const std::uint8_t> labels;
+  if (!mask_.empty()) labels = apso::opencv::as_image<std::uint8_t>(mask_);
+  const apso::Observation& observation = pipeline.observe(frame.rgbd, prior.T_world_camera, tracker.tracks(), objects,
+                                                          labels.empty() ? nullptr : &labels);
+  ms.observe = watch.lap();
+
+  const apso::StaticSupport support = apso::static_support(observation.mask.probability, tracker.keypoints());
+  const bool soften = !support.enough(options_.soft_weights);
+  if (soften) {  // too little is left: what is dynamic counts a little
+    soft_ = observation.mask.probability;
+    record_.softened += apso::soften(tracker.keypoints(), options_.soft_weights, soft_) ? 1 : 0;
+  }
+  const auto features = observation.informative ? tracker.estimate(soften ? soft_ : observation.mask.probability) : prior;
+  ms.features += watch.lap();
+
+  pipeline.assess(tracker.keypoints(), tracker.tracks(), {features.T_world_camera, features.T_world_predicted, features.ok});
+  ms.assess = watch.lap();
+  const apso::FrameReport& report = pipeline.conclude();
+  ms.refine = watch.lap();
+  tracker.commit(report.T_world_camera, observation.mask.probability, report.keyframe_allowed);
+  ms.map = watch.lap();
+
+  if (report.state != apso::SceneState::Lost) record_.final_poses.push_back({frame.timestamp, report.T_world_camera});
+  if (features.ok) record_.feature_poses.push_back({frame.timestamp, report.T_world_feature});
+  table_->write(i, source_->label(i), report, observation, features, tracker.keyframes(), tracker.landmarks(), ms);
+  record_.reports.push_back(report);
+  record_.timings.push_back(ms);
+  overlays_->offer(i, total_, report, [&] {
+    return apso::opencv::draw_overlay(frame.bgr, observation, tracker.keypoints(), report);
+  });
+  if (a_.write_masks) {
+    apso::opencv::mask_to_8bit(observation.mask, mask_out_);
+    const std::string file = (out_ / "masks" / (frame.name + ".png")).string();
+    if (!cv::imwrite(file, mask_out_)) throw apso::io_error(file + ": cannot write");
+  }
+  char state[64];
+  std::snprintf(state, sizeof state, "%-12s %5.1f ms/frame", to_string(report.state), ms.total());
+  progress_.show(i + 1, total_, state);
+}
+
+/// Writes what is not written frame by frame, and prints the result.
+void Run::write() {
+  const apso::Trajectory& truth = source_->groundtruth();
+  apso::write_trajectory((out_ / "trajectory.txt").string(), record_.final_poses);
+  apso::write_trajectory((out_ / "trajectory_features.txt").string(), record_.feature_poses);
+  if (!truth.empty()) apso::write_trajectory((out_ / "groundtruth.txt").string(), truth);
+  overlays_->finish();
+
+  json summary = track::summarise(record_, total_, truth);
+  summary["sequence"] = a_.sequence;
+  summary["motion"] = a_.motion;
+  summary["refinement"] = options_.pipeline.refinement;
+  summary["holds_masks"] = holds_masks_;
+  summary["options"] = track::yaml_to_json(apso::write_parameters(options_));
+  const bool evaluated = summary.contains("final") && summary["final"].is_object();
+
+  track::plot_trajectory((out_ / "trajectory.png").string(), evaluated ? track::aligned_truth(truth, record_.final_poses) : apso::Trajectory{},
+                         record_.feature_poses, record_.final_poses, a_.sequence);
+  track::plot_scores((out_ / "scores.png").string(), record_.reports, a_.sequence);
+  track::write_overview(out_);
+  std::ofstream((out_ / "summary.json").string()) << summary.dump(2) << '\n';
+
+  std::printf("%s: %zu of %d frames with a pose, %d BAD (%d refined), %d lost, %zu skipped\n", a_.sequence.c_str(),
+              record_.final_poses.size(), total_, record_.in_state(apso::SceneState::Bad), record_.refined(),
+              record_.in_state(apso::SceneState::Lost), record_.skipped.size());
+  for (const json& s : record_.skipped) {
+    std::printf("  skipped frame %d: %s\n", s["frame"].get<int>(), s["reason"].get<std::string>().c_str());
+  }
+  if (evaluated) {
+    std::printf("ATE rmse %.4f m over %zu pairs", summary["final"]["ate"]["rmse"].get<double>(), summary["final"]["pairs"].get<std::size_t>());
+    const json& features = summary["features"];
+    if (features.is_object()) std::printf("; feature poses alone %.4f m", features["ate"]["rmse"].get<double>());
+    std::printf("\n");
+  }
+  std::printf("results in %s: trajectory.txt, frames.csv, summary.json, overview.png, overlays/\n", a_.output.c_str());
+}
+
+int Run::execute() {
+  for (int i = 0; i < total_ && interrupted == 0; ++i) {
     try {
-      Stopwatch watch;
-      track::Timing ms;
-      if (const auto problem = source->load(i, frame)) {
-        skipped.push_back({{"frame", i}, {"timestamp", source->timestamp(i)}, {"reason", *problem}});
-        continue;
-      }
-      mask.release();
-      if (masks) {
-        if (const auto problem = masks->load(frame.name, frame.gray.size(), mask)) mask_problems.push_back(*problem);
-      }
-      if (a.true_masks) mask = cv::Mat(frame.gray.size(), CV_8UC1, const_cast<std::uint8_t*>(synthetic->truth().instance.data())).clone();
-      ms.load = watch.lap();
-
-      tracker.begin(frame.gray, frame.rgbd);
-      // The last mask is close enough for a first pose; the motion policy starts from that.
-      const auto prior = tracker.estimate(pipeline.observation().mask.probability);
-      ms.features = watch.lap();
-
-      const auto* objects = detections ? &detections->at(frame.timestamp) : nullptr;
-      apso::ImageView<const std::uint8_t> labels;
-      if (!mask.empty()) labels = apso::opencv::as_image<std::uint8_t>(mask);
-      const apso::Observation& observation = pipeline.observe(frame.rgbd, prior.T_world_camera, tracker.tracks(), objects,
-                                                              labels.empty() ? nullptr : &labels);
-      ms.observe = watch.lap();
-
-      const apso::StaticSupport support = apso::static_support(observation.mask.probability, tracker.keypoints());
-      const bool soften = !support.enough(options.soft_weights);
-      if (soften) {  // too little is left: what is dynamic counts a little
-        soft = observation.mask.probability;
-        softened += apso::soften(tracker.keypoints(), options.soft_weights, soft) ? 1 : 0;
-      }
-      const auto features = observation.informative ? tracker.estimate(soften ? soft : observation.mask.probability) : prior;
-      ms.features += watch.lap();
-
-      pipeline.assess(tracker.keypoints(), tracker.tracks(), {features.T_world_camera, features.T_world_predicted, features.ok});
-      ms.assess = watch.lap();
-      const apso::FrameReport& report = pipeline.conclude();
-      ms.refine = watch.lap();
-      tracker.commit(report.T_world_camera, observation.mask.probability, report.keyframe_allowed);
-      ms.map = watch.lap();
-
-      if (report.state != apso::SceneState::Lost) final_poses.push_back({frame.timestamp, report.T_world_camera});
-      if (features.ok) feature_poses.push_back({frame.timestamp, report.T_world_feature});
-      table.write(i, source->label(i), report, observation, features, tracker.keyframes(), tracker.landmarks(), ms);
-      reports.push_back(report);
-      timings.push_back(ms);
-      overlays.offer(i, total, report, [&] {
-        return apso::opencv::draw_overlay(frame.bgr, observation, tracker.keypoints(), report);
-      });
-      if (a.write_masks) {
-        apso::opencv::mask_to_8bit(observation.mask, mask_out);
-        const std::string file = (out / "masks" / (frame.name + ".png")).string();
-        if (!cv::imwrite(file, mask_out)) throw apso::io_error(file + ": cannot write");
-      }
-      if (!a.quiet) show_progress(i + 1, total, to_string(report.state), ms.total(), i + 1 == total);
+      process(i);
     } catch (const std::exception& e) {
-      // Nothing that is computed is lost: stop here, write what there is, and say what happened.
-      failure = "frame " + std::to_string(i) + ": " + e.what();
+      // Stop here, but write what was computed so far.
+      record_.failure = "frame " + std::to_string(i) + ": " + e.what();
       break;
     }
   }
-
-  apso::write_trajectory((out / "trajectory.txt").string(), final_poses);
-  apso::write_trajectory((out / "trajectory_features.txt").string(), feature_poses);
-  if (!source->groundtruth().empty()) apso::write_trajectory((out / "groundtruth.txt").string(), source->groundtruth());
-  overlays.finish();
-
-  int bad = 0, lost = 0, initialising = 0, refined = 0;
-  for (const apso::FrameReport& r : reports) {
-    bad += r.state == apso::SceneState::Bad;
-    lost += r.state == apso::SceneState::Lost;
-    initialising += r.state == apso::SceneState::Initialising;
-    refined += r.refined;
-  }
-  json summary;
-  summary["version"] = APSO_VERSION;
-  summary["sequence"] = a.sequence;
-  summary["motion"] = a.motion;
-  summary["refinement"] = options.pipeline.refinement;
-  summary["frames"] = {{"in_sequence", total}, {"processed", reports.size()}, {"skipped", skipped.size()},
-                       {"with_pose", final_poses.size()}, {"good", static_cast<int>(reports.size()) - bad - lost - initialising},
-                       {"bad", bad}, {"lost", lost}, {"initialising", initialising}, {"refined", refined},
-                       {"soft_weights", softened}};
-  summary["skipped"] = skipped;
-  summary["mask_problems"] = mask_problems;
-  const auto column = [&](auto&& f) {
-    std::vector<double> v;
-    for (const auto& t : timings) v.push_back(f(t));
-    return track::distribution(v);
-  };
-  summary["ms"] = {{"load", column([](const auto& t) { return t.load; })},
-                   {"features", column([](const auto& t) { return t.features; })},
-                   {"observe", column([](const auto& t) { return t.observe; })},
-                   {"assess", column([](const auto& t) { return t.assess; })},
-                   {"refine", column([](const auto& t) { return t.refine; })},
-                   {"map", column([](const auto& t) { return t.map; })},
-                   {"total", column([](const auto& t) { return t.total(); })}};
-  apso::Trajectory aligned_truth;
-  if (!source->groundtruth().empty()) {
-    try {
-      summary["final"] = evaluate(source->groundtruth(), final_poses);
-      summary["features"] = evaluate(source->groundtruth(), feature_poses);
-      aligned_truth = track::aligned_truth(source->groundtruth(), final_poses);
-    } catch (const std::exception& e) {
-      summary["evaluation_problem"] = e.what();
-    }
-  }
-  summary["options"] = track::yaml_to_json(apso::write_parameters(options));
-  if (!failure.empty()) summary["failure"] = failure;
-  if (interrupted != 0) summary["failure"] = "interrupted";
-  std::ofstream((out / "summary.json").string()) << summary.dump(2) << '\n';
-
-  track::plot_trajectory((out / "trajectory.png").string(), aligned_truth, feature_poses, final_poses, a.sequence);
-  track::plot_scores((out / "scores.png").string(), reports, a.sequence);
-  track::write_overview(out);
-
-  std::printf("%s: %zu of %d frames with a pose, %d BAD (%d refined), %d lost, %zu skipped\n", a.sequence.c_str(),
-              final_poses.size(), total, bad, refined, lost, skipped.size());
-  for (const auto& s : skipped) std::printf("  skipped frame %d: %s\n", s["frame"].get<int>(), s["reason"].get<std::string>().c_str());
-  if (summary.contains("final") && summary["final"].is_object()) {
-    std::printf("ATE rmse %.4f m over %zu pairs; feature poses alone %s\n", summary["final"]["ate"]["rmse"].get<double>(),
-                summary["final"]["pairs"].get<std::size_t>(),
-                summary["features"].is_object() ? (std::to_string(summary["features"]["ate"]["rmse"].get<double>()) + " m").c_str() : "too few");
-  }
-  std::printf("results in %s: trajectory.txt, frames.csv, summary.json, overview.png, overlays/\n", a.output.c_str());
-  if (!failure.empty()) {
-    std::fprintf(stderr, "apso_track: %s; the results so far are kept\n", failure.c_str());
+  const bool failed = !record_.failure.empty();
+  if (interrupted != 0 && !failed) record_.failure = "interrupted";
+  progress_.end();
+  write();
+  if (failed) {
+    std::fprintf(stderr, "apso_track: %s; the results so far are kept\n", record_.failure.c_str());
     return exit_bad_input;
   }
-  if (interrupted != 0) return 130;
-  return final_poses.empty() ? exit_no_pose : 0;
+  if (interrupted != 0) return exit_interrupted;
+  return record_.final_poses.empty() ? exit_no_pose : 0;
 }
 
 }  // namespace
@@ -359,20 +321,20 @@ int run(Arguments a) {
 int main(int argc, char** argv) {
   Arguments a;
   CLI::App app{
-      "Tracks an RGB-D sequence where people and things move: what moves, how far each frame can be trusted, and the\n"
-      "repaired trajectory. Exit code: 0 done, 1 bad input, 2 wrong usage, 3 no frame got a pose, 130 interrupted."};
+      "Tracks an RGB-D sequence in which people and things move: finds what moves, rates how far each frame can be\n"
+      "trusted, and writes the refined trajectory. Exit code: 0 done, 1 bad input, 2 wrong usage, 3 no frame got a pose, 130 interrupted."};
   app.set_version_flag("--version", APSO_VERSION);
   std::string names;
   for (const std::string& n : apso::testing::SyntheticSequence::names()) names += (names.empty() ? "" : ", ") + n;
   app.add_option("SEQUENCE", a.sequence, "folder in TUM format (rgb.txt and depth.txt, or associations.txt; groundtruth.txt is\n"
                                          "optional), or synthetic:NAME with NAME one of " + names)->required();
-  app.add_option("--output", a.output, "folder for the results")->required();
+  app.add_option("--output", a.output, "folder for the results; those of an earlier run are replaced")->required();
   app.add_option("--camera", a.camera, "tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim, or a YAML file with fx, fy, cx, cy, ...");
-  app.add_option("--config", a.config, "YAML file with options; summary.json lists all of them with their values");
-  app.add_option("--masks", a.masks, "folder of mask images named by the colour stamp (nonzero = dynamic)");
-  app.add_option("--detections", a.detections, "text file, lines: timestamp left top width height score class_id; or folder with a\n"
-                                               "text file per image, named by its stamp, lines: class cx cy width height [score] in\n"
-                                               "shares of the image, or left:.. top:.. right:.. bottom:.. class:NAME [score]");
+  app.add_option("--config", a.config, "YAML file with options, see --list-options");
+  app.add_option("--masks", a.masks, "folder of mask images, named by the colour image's timestamp (nonzero = dynamic)");
+  app.add_option("--detections", a.detections, "text file, lines: timestamp left top width height score class_id; or folder with one\n"
+                                               "text file per image, named by its timestamp, lines: class cx cy width height [score]\n"
+                                               "relative to the image size, or left:.. top:.. right:.. bottom:.. class:NAME [score]");
   std::string policies;
   const apso::opencv::MotionOptions motion_options;
   const apso::opencv::MotionFiles motion_files;
@@ -380,21 +342,25 @@ int main(int argc, char** argv) {
   for (const apso::NamedPolicy& p : apso::opencv::motion_table(any_camera, motion_options, motion_files)) {
     policies += "\n  " + p.name + (p.takes_policy() ? "(P): " : ": ") + p.summary;
   }
-  app.add_option("--motion", a.motion, "motion policy, or several: P+Q either, P*Q both, P&Q objects of P that Q sees move; brackets\n"
-                                       "group. P and Q are:" + policies)->capture_default_str();
+  app.add_option("--motion", a.motion, "motion policy, or a combination: P+Q either, P*Q both, P&Q objects of P that Q finds moving;\n"
+                                       "brackets group. P and Q are:" + policies)->capture_default_str();
   app.add_option("--model", a.model, "ONNX file of a detection or segmentation network, for the policy dnn; its input size, thresholds\n"
-                                     "and form of output are options (--config, motion.dnn)");
+                                     "and output format are options (--config, motion.dnn)");
   app.add_option("--classes", a.classes, "text file with the class names of the network, one per line (default: the 80 of COCO)");
   app.add_option("--movable", a.movable, "names or numbers of the classes that can move (default: person, cat, dog)")->delimiter(',')->allow_extra_args(false);
-  app.add_flag("--no-refinement", a.no_refinement, "do not repair the pose of BAD frames");
-  app.add_flag("--write-masks", a.write_masks, "write masks/ (8-bit PNG, 255 = dynamic, named by the colour stamp)");
+  app.add_flag("--no-refinement", a.no_refinement, "do not refine the poses of BAD frames");
+  app.add_flag("--write-masks", a.write_masks, "write masks/ (8-bit PNG, 255 = dynamic, named by the colour image's timestamp)");
   app.add_option("--threads", a.threads, "threads of the image operations")->check(CLI::Range(1, 256))->capture_default_str();
   app.add_option("--max-frames", a.max_frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);
-  app.add_option("--spoil", a.spoil, "spoil two frames of every twenty, to see whether they are noticed")
+  app.add_option("--spoil", a.spoil, "degrade two of every twenty frames, to test whether they are detected")
       ->check(CLI::IsMember(track::DegradedSource::kinds()));
   app.add_option("--people", a.people, "synthetic sequences: number of walking people")->check(CLI::Range(0, 3));
-  app.add_option("--seed", a.seed, "synthetic sequences: seed of the world and its noise")->capture_default_str();
+  app.add_option("--seed", a.seed, "synthetic sequences: random seed of scene and noise")->capture_default_str();
   app.add_flag("--true-masks", a.true_masks, "synthetic sequences: use the true masks");
+  app.add_flag_callback("--list-options", [] {
+    track::print_settings(track::Config{});
+    throw CLI::Success();
+  }, "print all settings of --config with their defaults and ranges");
   app.add_flag("--quiet", a.quiet, "no progress bar");
   try {
     app.parse(argc, argv);
@@ -403,7 +369,7 @@ int main(int argc, char** argv) {
   }
   std::signal(SIGINT, [](int) { interrupted = 1; });
   try {
-    return run(a);
+    return Run(a).execute();
   } catch (const std::exception& e) {
     std::fprintf(stderr, "apso_track: %s\n", e.what());
     return exit_bad_input;

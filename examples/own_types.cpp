@@ -1,4 +1,4 @@
-// Step 3 of 3: your own image and pose types, taken in as they are. Eigen is all this file needs.
+// Step 3 of 3: your own image and pose types, used directly. This file needs only Eigen.
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>

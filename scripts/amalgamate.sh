@@ -1,21 +1,43 @@
 #!/usr/bin/env bash
-# Writes apso_single.hpp: everything that apso/apso.hpp includes, in one file that needs Eigen only.
-# usage: scripts/amalgamate.sh OUTPUT
+# Writes the library as one file that needs Eigen only: all of apso/apso.hpp, or some of its parts.
+# usage: scripts/amalgamate.sh [--only PART[,PART...]] OUTPUT
 set -euo pipefail
-[ $# -eq 1 ] || { echo "usage: $0 OUTPUT, e.g. $0 apso_single.hpp" >&2; exit 2; }
 include=$(cd "$(dirname "$0")/.." && pwd)/include
+parts=() only=
+for p in score threshold motion align blend evaluate track; do
+  [ ! -e "$include/apso/$p.hpp" ] || parts+=("$p")
+done
+usage() {
+  printf 'usage: %s [--only PART[,PART...]] OUTPUT, e.g. %s --only align apso_align.hpp\nparts: %s\n' "$0" "$0" "${parts[*]}" >&2
+  exit 2
+}
+if [ "${1:-}" = --only ]; then
+  [ $# -ge 2 ] || usage
+  only=$2
+  shift 2
+fi
+{ [ $# -eq 1 ] && [[ $1 != -* ]]; } || usage
+roots=apso/apso.hpp
+if [ -n "$only" ]; then
+  roots=
+  for p in ${only//,/ }; do
+    [[ " ${parts[*]} " == *" $p "* ]] || { echo "$0: there is no part '$p'" >&2; usage; }
+    roots+=" apso/$p.hpp"
+  done
+fi
 version=$(sed -n 's/^#define APSO_VERSION "\(.*\)"/\1/p' "$include/apso/version.hpp")
 {
-  echo "// apso $version in one file, made by scripts/amalgamate.sh. Do not edit it: edit the headers it was made of."
+  echo "// apso $version${only:+ ($only)} in one file, made by scripts/amalgamate.sh. Do not edit it: edit the headers it was made of."
   echo "// Use this file or the folder apso/, not both in one program."
   echo "//"
   sed 's/^/\/\/ /; s/ *$//' "$(dirname "$include")/LICENSE"
   echo "#pragma once"
-  echo "#ifdef APSO_VERSION"
-  echo '#error "apso: include either apso_single.hpp or the headers of the folder apso/, not both"'
+  echo "#if defined(APSO_VERSION) || defined(APSO_SINGLE_FILE)"
+  echo '#error "apso: include either one single file or the headers of the folder apso/, not both"'
   echo "#endif"
+  echo "#define APSO_SINGLE_FILE"
   # Each header once, where it is first included; includes of other libraries once as well, unless they are conditional.
-  awk -v root="$include" '
+  awk -v root="$include" -v roots="$roots" '
     function insert(file,    line, path, depth) {
       if (file in done) return
       done[file] = 1
@@ -39,5 +61,5 @@ version=$(sed -n 's/^#define APSO_VERSION "\(.*\)"/\1/p' "$include/apso/version.
       }
       close(root "/" file)
     }
-    BEGIN { insert("apso/apso.hpp") }'
+    BEGIN { n = split(roots, list, " "); for (i = 1; i <= n; ++i) insert(list[i]) }'
 } > "$1"

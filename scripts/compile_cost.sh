@@ -1,47 +1,74 @@
 #!/usr/bin/env bash
-# How long each header takes to compile, alone in an empty file, at -O2: CPU seconds, the smallest of some runs. Two columns: what
-# the compiler needs to read the header, and what it needs beside that of Eigen/Core and Eigen/Geometry, which every user of Eigen pays.
-# usage: scripts/compile_cost.sh [--compiler g++] [--runs 3] [--limit SECONDS] [HEADER...]
-#   without headers: all of them. With --limit the exit code says whether apso/apso.hpp stays below it.
+# What compiling costs, at -O2: CPU seconds, the smallest of some runs. Two tables:
+#   use      whole programs: apso/apso.hpp alone, a program that aligns a pair, one with the whole pipeline
+#   headers  each header alone in an empty file, and its cost beyond that of Eigen/Core and Eigen/Geometry, which every
+#            user of Eigen pays
+# usage: scripts/compile_cost.sh [--compiler g++] [--runs 3] [--limits UMBRELLA,PAIR,PIPELINE] [use | headers | HEADER...]
+#   without a table or header: both tables. With --limits the exit code says whether the rows of "use" stay below these seconds.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-compiler=g++ runs=3 limit= headers=()
+usage() { echo "usage: $0 [--compiler g++] [--runs 3] [--limits UMBRELLA,PAIR,PIPELINE] [use | headers | HEADER...]" >&2; exit 2; }
+compiler=g++ runs=3 limits= headers=() use=
 while [ $# -gt 0 ]; do
   case $1 in
-    --compiler) compiler=$2; shift 2 ;;
-    --runs) runs=$2; shift 2 ;;
-    --limit) limit=$2; shift 2 ;;
-    -*) echo "usage: $0 [--compiler g++] [--runs 3] [--limit SECONDS] [HEADER...]" >&2; exit 2 ;;
-    *) headers+=("$1"); shift ;;
+    --compiler|--runs|--limits) [ $# -ge 2 ] || usage; printf -v "${1#--}" %s "$2"; shift 2 ;;
+    use) use=1; shift ;;
+    headers) headers=(all); shift ;;
+    apso/*.hpp) headers+=("$1"); shift ;;
+    *) usage ;;
   esac
 done
-if [ ${#headers[@]} -eq 0 ]; then
+if [ -n "$limits" ]; then
+  [[ $limits =~ ^[0-9.]+,[0-9.]+,[0-9.]+$ ]] || usage
+  use=1
+elif [ -z "$use" ] && [ ${#headers[@]} -eq 0 ]; then
+  use=1 headers=(all)
+fi
+if [ "${headers[*]}" = all ]; then
   mapfile -t headers < <(cd include && find apso -name '*.hpp' ! -name '*_impl.hpp' ! -path 'apso/sophus/*' | LC_ALL=C sort)
 fi
 eigen=$(pkg-config --cflags eigen3 2>/dev/null || echo -I/usr/include/eigen3)
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-cost() {  # INCLUDE... -> CPU seconds
+cost() {  # SOURCE -> CPU seconds
   local i best=1000000 spent flags=$eigen
-  : > "$scratch/one.cpp"
-  for i in "$@"; do echo "#include <$i>" >> "$scratch/one.cpp"; [[ $i == apso/opencv/* ]] && flags="$eigen $(pkg-config --cflags opencv4)"; done
+  ! grep -Eq '<(apso/opencv/|opencv2/)' "$1" || flags="$eigen $(pkg-config --cflags opencv4)"
   for ((i = 0; i < runs; ++i)); do
     TIMEFORMAT='%U %S'
     # shellcheck disable=SC2086
-    spent=$( { time "$compiler" -std=c++17 -O2 -Iinclude $flags -c "$scratch/one.cpp" -o "$scratch/one.o" 2> "$scratch/errors" || touch "$scratch/failed"; } 2>&1 )
+    spent=$( { time "$compiler" -std=c++17 -O2 -Iinclude $flags -c "$1" -o "$scratch/one.o" 2> "$scratch/errors" || touch "$scratch/failed"; } 2>&1 )
     [ ! -e "$scratch/failed" ] || { cat "$scratch/errors" >&2; exit 1; }
     best=$(awk -v s="$spent" -v b="$best" 'BEGIN { split(s, t, " "); s = t[1] + t[2]; print s < b ? s : b }')
   done
   echo "$best"
 }
-base=$(cost Eigen/Core Eigen/Geometry)
-printf '| header | seconds | beside Eigen |\n|---|---|---|\n'
-printf '| Eigen/Core and Eigen/Geometry | %.2f | |\n' "$base"
-for h in "${headers[@]}"; do
-  t=$(cost "$h")
-  printf '| %s | %.2f | %.2f |\n' "$h" "$t" "$(awk -v t="$t" -v b="$base" 'BEGIN { print (t > b) ? t - b : 0 }')"
-  if [ "$h" = apso/apso.hpp ] && [ -n "$limit" ]; then
-    awk -v t="$t" -v l="$limit" 'BEGIN { exit !(t > l + 0) }' && { echo "apso/apso.hpp takes $t s, the limit is $limit s" >&2; over=1; }
+of_headers() {  # INCLUDE... -> CPU seconds
+  printf '#include <%s>\n' "$@" > "$scratch/one.cpp"
+  cost "$scratch/one.cpp"
+}
+over=0
+row() {  # TITLE SECONDS LIMIT
+  printf '| %s | %.2f |\n' "$1" "$2"
+  if [ -n "$3" ] && awk -v t="$2" -v l="$3" 'BEGIN { exit !(t > l + 0) }'; then
+    echo "$1: $2 s, the limit is $3 s" >&2
+    over=1
   fi
-done
-exit ${over:-0}
+}
+if [ -n "$use" ]; then
+  IFS=, read -r umbrella pair pipeline <<< "$limits"
+  printf '| what is compiled | seconds |\n|---|---|\n'
+  t=$(of_headers apso/apso.hpp); row 'an empty program that includes apso/apso.hpp' "$t" "$umbrella"
+  t=$(cost examples/first_pair.cpp); row 'examples/first_pair.cpp: aligns a pair' "$t" "$pair"
+  t=$(cost examples/minimal_tracker.cpp); row 'examples/minimal_tracker.cpp: the whole pipeline' "$t" "$pipeline"
+  [ ${#headers[@]} -eq 0 ] || echo
+fi
+if [ ${#headers[@]} -gt 0 ]; then
+  base=$(of_headers Eigen/Core Eigen/Geometry)
+  printf '| header | seconds | beyond Eigen |\n|---|---|---|\n'
+  printf '| Eigen/Core and Eigen/Geometry | %.2f | |\n' "$base"
+  for h in "${headers[@]}"; do
+    t=$(of_headers "$h")
+    printf '| %s | %.2f | %.2f |\n' "$h" "$t" "$(awk -v t="$t" -v b="$base" 'BEGIN { print (t > b) ? t - b : 0 }')"
+  done
+fi
+exit $over

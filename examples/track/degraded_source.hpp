@@ -1,5 +1,5 @@
 /// \file
-/// A recording of which some frames are spoilt on purpose, to see whether they are noticed.
+/// A recording of which some frames are degraded on purpose, to test whether they are detected.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@
 
 namespace track {
 
-/// Two frames in a row of every twenty are spoilt, from frame 40 on.
+/// Degrades two consecutive frames of every twenty, from frame 40 on.
 class DegradedSource final : public FrameSource {
  public:
   static std::vector<std::string> kinds() { return {"blur25", "blur41", "contrast", "wall", "blank", "no-depth"}; }
@@ -30,18 +30,18 @@ class DegradedSource final : public FrameSource {
   const apso::Trajectory& groundtruth() const override { return source_->groundtruth(); }
   const std::vector<std::string>& warnings() const override { return source_->warnings(); }
   double timestamp(int i) const override { return source_->timestamp(i); }
-  std::string label(int i) const override { return spoilt(i) ? kind_ : source_->label(i); }
+  std::string label(int i) const override { return degraded(i) ? kind_ : source_->label(i); }
 
   std::optional<std::string> load(int i, LoadedFrame& out) override {
     auto problem = source_->load(i, out);
-    if (problem || !spoilt(i)) return problem;
+    if (problem || !degraded(i)) return problem;
     out.bgr = out.bgr.clone();
     if (kind_ == "no-depth") {
       depth_.assign(out.bgr.cols, out.bgr.rows, 0.0F);
       out.rgbd.depth = depth_.view();
       return problem;
     }
-    spoil(out.bgr, (i / 20) % 2 == 1);
+    degrade(out.bgr, (i / 20) % 2 == 1);
     cv::cvtColor(out.bgr, gray_, cv::COLOR_BGR2GRAY);
     out.gray = gray_;
     intensity_.resize(gray_.cols, gray_.rows);
@@ -54,8 +54,8 @@ class DegradedSource final : public FrameSource {
   }
 
  private:
-  static bool spoilt(int i) { return i >= 40 && i % 20 < 2; }
-  void spoil(cv::Mat& image, bool other_way) const {
+  static bool degraded(int i) { return i >= 40 && i % 20 < 2; }
+  void degrade(cv::Mat& image, bool other_way) const {
     if (kind_ == "blur25" || kind_ == "blur41") {  // as by a pan or a tilt
       const int n = kind_ == "blur25" ? 25 : 41;
       cv::blur(image, image, other_way ? cv::Size(1, n) : cv::Size(n, 1));

@@ -1,5 +1,5 @@
 /// \file
-/// Where apso_track gets its frames from: a recording in TUM format, or the synthetic generator.
+/// Sources of frames for apso_track: a recording in TUM format, or the synthetic generator.
 #pragma once
 
 #include <filesystem>
@@ -37,13 +37,13 @@ class FrameSource {
   virtual ~FrameSource() = default;
   [[nodiscard]] virtual int size() const = 0;
   [[nodiscard]] virtual const apso::Pinhole& camera() const = 0;
-  /// Loads frame i. Returns the reason when the frame is broken; it is then to be skipped.
+  /// Loads frame i. Returns the reason if the frame is broken and has to be skipped.
   [[nodiscard]] virtual std::optional<std::string> load(int i, LoadedFrame& out) = 0;
   /// Empty without ground truth.
   [[nodiscard]] virtual const apso::Trajectory& groundtruth() const = 0;
   [[nodiscard]] virtual const std::vector<std::string>& warnings() const = 0;
   [[nodiscard]] virtual double timestamp(int i) const = 0;
-  /// Why frame i is known to be hard; empty when nothing is known.
+  /// Known difficulty of frame i; empty if none is known.
   [[nodiscard]] virtual std::string label(int) const { return {}; }
 };
 
@@ -112,22 +112,22 @@ class RecordedSource final : public FrameSource {
   std::vector<std::string> warnings_;
 };
 
-/// Masks of another program: one image per frame, named by the stamp of the colour image; nonzero = dynamic.
+/// Masks from another program: one image per frame, named by the colour image's timestamp; nonzero = dynamic.
 class MaskFolder {
  public:
   explicit MaskFolder(std::string folder) : folder_(std::move(folder)) {
     if (!std::filesystem::is_directory(folder_)) {
-      throw apso::io_error(folder_ + ": no such folder; expected one PNG per frame, named by the colour stamp");
+      throw apso::io_error(folder_ + ": no such folder; expected one PNG per frame, named by the colour image's timestamp");
     }
   }
-  /// Loads the mask of a frame; returns the reason when there is none that fits.
+  /// Loads the mask of a frame; returns the reason if there is no suitable one.
   std::optional<std::string> load(const std::string& name, const cv::Size& size, cv::Mat& mask) const {
     const std::string file = (std::filesystem::path(folder_) / (name + ".png")).string();
     mask = std::filesystem::exists(file) ? cv::imread(file, cv::IMREAD_GRAYSCALE) : cv::Mat();
     if (mask.empty()) return file + ": no readable mask; the frame is tracked without it";
     if (mask.size() != size) {
       mask.release();
-      return file + ": mask of another size than the images; the frame is tracked without it";
+      return file + ": the mask differs in size from the images; the frame is tracked without it";
     }
     return std::nullopt;
   }

@@ -1,5 +1,5 @@
 /// \file
-/// Which frames get a picture, the contact sheet, and the one-page overview.
+/// Overlay pictures of selected frames, the contact sheet, and the one-page overview.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@
 
 namespace track {
 
-/// Takes every n-th frame and the first frame of each BAD or LOST run, up to a bound.
+/// Selects every n-th frame and the first frame of each BAD or LOST run, up to a maximum.
 class OverlayChooser {
  public:
   explicit OverlayChooser(std::filesystem::path folder) : folder_(std::move(folder)) {}
@@ -28,7 +28,7 @@ class OverlayChooser {
   void offer(int frame, int total, const apso::FrameReport& report, Draw&& draw) {
     const int step = std::max(1, total / regular);
     const bool problem = report.state == apso::SceneState::Bad || report.state == apso::SceneState::Lost;
-    const bool begins = problem && !was_problem_ && problems_ < most_problems;
+    const bool begins = problem && !was_problem_ && problems_ < max_problems;
     was_problem_ = problem;
     if (frame % step != step / 2 && !begins) return;
     problems_ += begins ? 1 : 0;
@@ -41,7 +41,7 @@ class OverlayChooser {
     tiles_.push_back(small);
   }
 
-  /// Writes the contact sheet beside the folder of overlays.
+  /// Writes the contact sheet next to the folder of overlays.
   void finish() const {
     if (tiles_.empty()) return;
     constexpr std::size_t columns = 4;
@@ -60,15 +60,15 @@ class OverlayChooser {
   }
 
  private:
-  static constexpr int regular = 12;
-  static constexpr int most_problems = 12;
+  static constexpr int regular = 12;       // pictures at regular intervals
+  static constexpr int max_problems = 12;  // pictures of BAD or LOST runs
   std::filesystem::path folder_;
   std::vector<cv::Mat> tiles_;
   int problems_ = 0;
   bool was_problem_ = false;
 };
 
-/// Scores on the left, trajectory and the first rows of the contact sheet: one picture that tells the run.
+/// Trajectory, scores and contact sheet in one picture.
 inline void write_overview(const std::filesystem::path& out) {
   const cv::Mat scores = cv::imread((out / "scores.png").string());
   const cv::Mat trajectory = cv::imread((out / "trajectory.png").string());

@@ -1,5 +1,5 @@
 /// \file
-/// Reads what apso_track wrote about a run, and adds the true error of every frame.
+/// Reads the results of a run of apso_track, and adds the true error of every frame.
 #pragma once
 
 #include <algorithm>
@@ -25,8 +25,8 @@ inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 struct RunFrame {
   double timestamp = 0;
   std::string state;
-  std::string label;           ///< why it is known to be hard; empty: not known to be
-  std::vector<double> value;   ///< by column of the table; NaN where the field is empty or no number
+  std::string label;           ///< known difficulty; empty: none known
+  std::vector<double> value;   ///< by column of the table; NaN if the field is empty or not a number
   bool lost = false;           ///< the feature tracker had no pose
   double rpe_1f = kNone;       ///< translational error of the motion since the frame before [m]
   double rotation_1f = kNone;  ///< [rad]
@@ -73,14 +73,14 @@ inline double median_of(std::vector<double> v) {
   return *middle;
 }
 
-/// Pose within `tolerance` seconds of a time; null when there is none.
-inline const apso::Pose* pose_near(const apso::Trajectory& t, double stamp, double tolerance) {
+/// Pose within `tolerance` seconds of a time; null if there is none.
+inline const apso::Pose* pose_near(const apso::Trajectory& t, double time, double tolerance) {
   const auto it =
-      std::lower_bound(t.begin(), t.end(), stamp, [](const apso::StampedPose& p, double s) { return p.timestamp < s; });
+      std::lower_bound(t.begin(), t.end(), time, [](const apso::StampedPose& p, double s) { return p.timestamp < s; });
   const apso::StampedPose* best = nullptr;
   if (it != t.end()) best = &*it;
-  if (it != t.begin() && (best == nullptr || stamp - (it - 1)->timestamp < best->timestamp - stamp)) best = &*(it - 1);
-  return best != nullptr && std::abs(best->timestamp - stamp) <= tolerance ? &best->T_world_body : nullptr;
+  if (it != t.begin() && (best == nullptr || time - (it - 1)->timestamp < best->timestamp - time)) best = &*(it - 1);
+  return best != nullptr && std::abs(best->timestamp - time) <= tolerance ? &best->T_world_body : nullptr;
 }
 
 /// \param folder      of a run of apso_track
@@ -125,8 +125,8 @@ inline Run read_run(const std::string& folder, const std::string& groundtruth = 
   const apso::Trajectory truth = apso::read_trajectory(truth_file);
   const apso::Trajectory features = apso::read_trajectory((fs::path(folder) / "trajectory_features.txt").string());
   const apso::Trajectory finals = apso::read_trajectory((fs::path(folder) / "trajectory.txt").string());
-  constexpr double same = 1e-5;   // stamps of our own files
-  constexpr double close = 0.02;  // stamps of the truth
+  constexpr double same = 1e-5;   // between files of one run [s]
+  constexpr double close = 0.02;  // to the ground truth [s]
   const auto difference = [&](const apso::Pose& a0, const apso::Pose& a1, double t0, double t1) {
     const apso::Pose* g0 = pose_near(truth, t0, close);
     const apso::Pose* g1 = pose_near(truth, t1, close);

@@ -1,7 +1,7 @@
 /// \file
-/// Runs apso_track as a program of its own, for programs that need many runs: a sequence is written
+/// Runs apso_track as a child process, for programs that need many runs: a sequence is written
 /// `NAME,option=value,...` with the options of apso_track, e.g. `synthetic:stress_dark,seed=3` or
-/// `path/to/recording,camera=bonn,max-frames=200`. A run that is complete is not done again.
+/// `path/to/recording,camera=bonn,max-frames=200`. A complete run is not repeated.
 #pragma once
 
 #include <fcntl.h>
@@ -27,7 +27,7 @@ namespace track {
 /// A sequence with the options it is run with.
 struct SequenceSpec {
   std::string text;
-  std::string name;  ///< fit for a folder
+  std::string name;  ///< usable as the name of a folder
   std::vector<std::string> arguments;
 };
 
@@ -57,14 +57,14 @@ inline SequenceSpec parse_sequence(const std::string& text) {
   return spec;
 }
 
-/// Folder of the program that is running; apso_track is beside it.
+/// Folder of the running program, which also contains apso_track.
 inline std::filesystem::path program_folder() {
   std::error_code failed;
   const auto self = std::filesystem::read_symlink("/proc/self/exe", failed);
   return failed ? std::filesystem::path(".") : self.parent_path();
 }
 
-/// Runs a program and waits for it; its words go to `log`. \return its exit code, -1 when it did not end by itself
+/// Runs a program and waits for it; its output goes to `log`. \return its exit code, -1 if it did not exit by itself
 inline int run_program(const std::vector<std::string>& command, const std::string& log) {
   std::vector<char*> argv;
   for (const std::string& s : command) argv.push_back(const_cast<char*>(s.c_str()));
@@ -82,17 +82,17 @@ inline int run_program(const std::vector<std::string>& command, const std::strin
   return WEXITSTATUS(status);
 }
 
-/// One run to be done.
+/// One run to make.
 struct Job {
   std::filesystem::path folder;
   std::vector<std::string> arguments;  ///< of apso_track, without --output and --quiet
 };
 
-/// A run is complete when its summary is there: apso_track writes it last. A run is made in a folder beside it and
-/// moved when it is whole, so an interrupted run leaves nothing that looks complete.
+/// A run is complete if it has a summary, which apso_track writes last. Runs are made in a temporary folder that is renamed at the
+/// end, so an interrupted run never looks complete.
 inline bool complete(const std::filesystem::path& folder) { return std::filesystem::exists(folder / "summary.json"); }
 
-/// Does what is not yet done, on `workers` cores, and shows progress. \return the messages of runs that failed
+/// Makes the runs that are not complete, `workers` at a time, and prints progress. \return one message per failed run
 inline std::vector<std::string> run_jobs(const std::vector<Job>& jobs, int workers, const char* title) {
   namespace fs = std::filesystem;
   std::atomic<std::size_t> next{0};

@@ -1,4 +1,4 @@
-# An overlay port: vcpkg install apso --overlay-ports=packaging/vcpkg, with the archive of the release beside this file.
+# An overlay port: vcpkg install apso --overlay-ports=packaging/vcpkg, with the release archive next to this file.
 vcpkg_extract_source_archive(SOURCE_PATH ARCHIVE "${CMAKE_CURRENT_LIST_DIR}/apso-${VERSION}.tar.gz")
 set(VCPKG_BUILD_TYPE release)  # headers only
 vcpkg_cmake_configure(SOURCE_PATH "${SOURCE_PATH}" OPTIONS -DAPSO_HEADERS_ONLY=ON)

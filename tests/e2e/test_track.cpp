@@ -1,4 +1,4 @@
-// The programs from the outside: run them, read what they write, read what they say about bad input.
+// Runs the programs, and checks what they write and how they report bad input.
 #ifdef APSO_TRACK
 #include <doctest/doctest.h>
 
@@ -88,7 +88,7 @@ TEST_CASE("a recording with broken frames is tracked, and every broken frame is 
   const Folder f;
   const fs::path in = f.path / "in";
   REQUIRE(run(APSO_SYNTH, "static_xyz --frames 14 --quiet --output " + in.string(), f.path).code == 0);
-  fs::remove(in / "associations.txt");  // so that colour and depth are paired by their stamps
+  fs::remove(in / "associations.txt");  // so that colour and depth are paired by their timestamps
   std::ofstream(nth_file(in / "rgb", 5), std::ios::trunc) << "not a picture";
   fs::remove(nth_file(in / "depth", 7));
   cv::imwrite(nth_file(in / "depth", 9), cv::Mat(480, 640, CV_8U, cv::Scalar(9)));
@@ -106,7 +106,7 @@ TEST_CASE("a recording with broken frames is tracked, and every broken frame is 
   const Outcome e = run(APSO_EVAL, "--json " + (in / "groundtruth.txt").string() + " " + (out / "trajectory.txt").string(), f.path);
   REQUIRE(e.code == 0);
   const json evaluation = json::parse(e.text.substr(e.text.find('{')));  // warnings may stand before it
-  CHECK(evaluation["ate"]["rmse"].get<double>() == doctest::Approx(summary["final"]["ate"]["rmse"].get<double>()).epsilon(1e-4));
+  CHECK(evaluation["ate"]["rmse"].get<double>() == doctest::Approx(summary["final"]["ate"]["rmse"].get<double>()).epsilon(1e-4).scale(0));
 }
 
 TEST_CASE("the policy is chosen by name: masks of one run serve the next, and boxes become masks") {
@@ -125,7 +125,7 @@ TEST_CASE("the policy is chosen by name: masks of one run serve the next, and bo
   const Outcome again = run(APSO_TRACK, start + "--motion precomputed " + masks + " --output " + (f.path / "b").string(), f.path);
   INFO(again.text);
   REQUIRE(again.code == 0);
-  CHECK(ratio(f.path / "b") == doctest::Approx(own).epsilon(0.05));  // the mask on disk is cut at 0.5
+  CHECK(ratio(f.path / "b") == doctest::Approx(own).epsilon(0.05).scale(0));  // the mask on disk is cut at 0.5
   CHECK(read_json(f.path / "b" / "summary.json")["motion"] == "precomputed");
 
   // a box around nothing that moves is dropped by '&', kept by '+'
@@ -230,6 +230,77 @@ TEST_CASE("apso_motion compares its own list of policies, or those it is given")
   REQUIRE(table.rows.size() == 2);
   CHECK(std::stod(table.field(0, "recall")) == doctest::Approx(1));  // true masks find all
   CHECK(run(command + " --policies nonsense", folder.path).code == 1);
+}
+
+TEST_CASE("a folder of results holds the last run only, and nothing is lost that no run wrote") {
+  const Folder f;
+  const fs::path out = f.path / "out";
+  const std::string start = "synthetic:static_static --quiet --output " + out.string();
+  REQUIRE(run(APSO_TRACK, start + " --max-frames 6 --write-masks", f.path).code == 0);
+  std::ofstream(out / "overlays" / "notes.png") << "mine";
+  std::ofstream(out / "notes.txt") << "mine";
+  const auto files = [](const fs::path& folder) {
+    int n = 0;
+    for (const auto& e : fs::directory_iterator(folder)) n += e.is_regular_file() ? 1 : 0;
+    return n;
+  };
+  CHECK(files(out / "masks") == 6);
+  CHECK(files(out / "overlays") == 6 + 1);
+  // masks that a run reads stay, also if a run wrote them
+  const Outcome reading = run(APSO_TRACK, start + " --max-frames 4 --masks " + (out / "masks").string(), f.path);
+  INFO(reading.text);
+  REQUIRE(reading.code == 0);
+  CHECK(read_json(out / "summary.json")["mask_problems"].empty());
+  CHECK(files(out / "masks") == 6);
+  CHECK(files(out / "overlays") == 4 + 1);
+  REQUIRE(run(APSO_TRACK, start + " --max-frames 3 --write-masks", f.path).code == 0);
+  CHECK(files(out / "masks") == 3);
+  REQUIRE(run(APSO_TRACK, start + " --max-frames 2", f.path).code == 0);
+  CHECK_FALSE(fs::exists(out / "masks"));
+  CHECK(files(out / "overlays") == 2 + 1);
+  CHECK(Table(out / "frames.csv").rows.size() == 2);
+  CHECK(fs::exists(out / "notes.txt"));
+
+  // the recording is no folder of results
+  const fs::path in = f.path / "in";
+  REQUIRE(run(APSO_SYNTH, "static_static --frames 2 --quiet --output " + in.string(), f.path).code == 0);
+  const Outcome refused = run(APSO_TRACK, in.string() + " --camera tum-fr3 --output " + in.string(), f.path);
+  CHECK(refused.code == 1);
+  CHECK(refused.text.find("is the folder of the recording") != std::string::npos);
+  CHECK(fs::exists(in / "groundtruth.txt"));
+}
+
+TEST_CASE("progress is shown on a terminal only") {
+  const Folder f;
+  const auto returns = [&](const std::string& program, const std::string& arguments) {
+    const Outcome o = run(program, arguments, f.path);  // both streams go to a file
+    INFO(o.text);
+    CHECK(o.code == 0);
+    return std::count(o.text.begin(), o.text.end(), '\r');
+  };
+  CHECK(returns(APSO_TRACK, "synthetic:static_static --max-frames 2 --output " + (f.path / "out").string()) == 0);
+  CHECK(returns(APSO_SYNTH, "static_static --frames 2 --output " + (f.path / "in").string()) == 0);
+  CHECK(returns(APSO_MOTION, "synthetic:static_static --frames 2 --policies none") == 0);
+}
+
+TEST_CASE("there are at most 200 settings, and each has a range") {
+  const Folder f;
+  const Outcome o = run(APSO_TRACK, "--list-options", f.path);
+  REQUIRE(o.code == 0);
+  const std::size_t end = o.text.find("\n\n");
+  REQUIRE(end != std::string::npos);
+  MESSAGE(o.text.substr(end + 2));
+  const int count = std::stoi(o.text.substr(end + 2));
+  CHECK(count <= 200);
+  std::stringstream lines(o.text.substr(0, end + 1));
+  int listed = 0;
+  for (std::string line; std::getline(lines, line); ++listed) {
+    CAPTURE(line);
+    std::stringstream words(line);
+    std::string path, value, range;
+    CHECK(bool(words >> path >> value >> range));
+  }
+  CHECK(listed == count);
 }
 
 TEST_CASE("bad input is named, and the exit code is not zero") {

@@ -1,4 +1,4 @@
-// apso_assess, apso_calibrate and apso_ablate from the outside.
+// Runs apso_assess, apso_calibrate and apso_ablate.
 #include <doctest/doctest.h>
 
 #ifndef APSO_PROGRAMS
@@ -7,8 +7,10 @@ TEST_CASE("apso_assess") { MESSAGE("skipped: the programs are not built (APSO_BU
 
 #else
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 #include <string>
 
 #include "../run_program.hpp"
@@ -47,7 +49,7 @@ TEST_CASE("from runs to figures: track, assess, calibrate, ablate") {
     CHECK(fs::exists(f.path / "assessed" / picture));
   }
 
-  // calibration takes the run as it is; apso_track reads what it writes
+  // calibration accepts the finished run; apso_track accepts what it writes
   o = run_program("apso_calibrate " + d + "/flash --output " + d + "/config.yaml", f.path);
   INFO(o.text);
   REQUIRE(o.code == 0);
@@ -80,6 +82,59 @@ TEST_CASE("from runs to figures: track, assess, calibrate, ablate") {
   o = run_program(ablate + " --plan " + d + "/plan.json", f.path);
   CHECK(o.code == 0);
   CHECK(read_json(f.path / "plan.json").size() == 2);
+}
+
+TEST_CASE("the settings of a run go into every program") {
+  const Folder f;
+  const std::string d = f.path.string();
+  Outcome o = run_program("apso_track synthetic:static_static --max-frames 2 --quiet --output " + d + "/run", f.path);
+  INFO(o.text);
+  REQUIRE(o.code == 0);
+  std::ofstream(f.path / "all.yaml") << read_json(f.path / "run/summary.json")["options"].dump(2) << '\n';  // JSON is YAML
+  const std::string with = " --config " + d + "/all.yaml --output " + d;
+
+  // every variant can be made from these settings, and each but the first differs from them
+  o = run_program("apso_ablate synthetic:static_static --plan " + d + "/plan.json" + with + "/ab", f.path);
+  INFO(o.text);
+  REQUIRE(o.code == 0);
+  const auto text_of = [](const fs::path& file) {
+    std::stringstream text;
+    text << std::ifstream(file).rdbuf();
+    return text.str();
+  };
+  const std::string shipped = text_of(f.path / "ab/configs/default.yaml");
+  int variants = 0;
+  for (const auto& entry : fs::directory_iterator(f.path / "ab/configs")) {
+    CAPTURE(entry.path().string());
+    if (++variants; entry.path().stem() != "default") CHECK(text_of(entry.path()) != shipped);
+  }
+  CHECK(variants > 30);
+  CHECK(read_json(f.path / "plan.json").size() == static_cast<std::size_t>(variants));
+
+  // a score that is left out gives its weight to the others
+  const json base = read_json(f.path / "run/summary.json")["options"]["pipeline"]["assessor"]["frame_weights"];
+  const std::string first = base.begin().key();
+  REQUIRE(fs::exists(f.path / ("ab/configs/no_" + first + ".yaml")));
+  o = run_program("apso_track synthetic:static_static --max-frames 1 --quiet --config " + d + "/ab/configs/no_" + first +
+                      ".yaml --output " + d + "/without", f.path);
+  INFO(o.text);
+  REQUIRE(o.code == 0);
+  const json without = read_json(f.path / "without/summary.json")["options"]["pipeline"]["assessor"]["frame_weights"];
+  CHECK(without[first] == 0);
+  double before = 0, after = 0;
+  for (const auto& [name, weight] : base.items()) {
+    before += weight.get<double>();
+    after += without[name].get<double>();
+    if (name != first) CHECK(without[name].get<double>() > weight.get<double>());
+  }
+  CHECK(std::abs(after - before) < 1e-9);
+
+  o = run_program("apso_motion synthetic:static_static --frames 1 --policies geometric --config " + d + "/all.yaml", f.path);
+  INFO(o.text);
+  CHECK(o.code == 0);
+  o = run_program("apso_calibrate " + d + "/run" + with + "/calibrated.yaml", f.path);
+  INFO(o.text);
+  CHECK(o.text.find("no frame with a decision") != std::string::npos);  // so it read the settings
 }
 
 TEST_CASE("bad input is named") {

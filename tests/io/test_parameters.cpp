@@ -96,6 +96,48 @@ TEST_CASE("bad parameters are named with line, field and what was expected") {
   CHECK_THROWS_AS(apso::read_parameters("no/such/file.yaml", o), apso::io_error);
 }
 
+TEST_CASE("one field is set by its path, and nothing else changes") {
+  sample::Outer o;
+  apso::set_parameter(o, "inner.gain", "0.25");
+  CHECK(o.inner.gain == 0.25);
+  apso::set_parameter(o, "inner.form", "square");
+  CHECK(o.inner.form == sample::Form::Square);
+  apso::set_parameter(o, "count", "4");
+  CHECK(o.count == 4);
+  CHECK_FALSE(o.fast);
+  const auto message = [&](const char* path, const char* value) {
+    try {
+      apso::set_parameter(o, path, value);
+    } catch (const apso::io_error& e) {
+      return std::string(e.what());
+    }
+    return std::string("accepted");
+  };
+  CHECK(message("inner.gian", "1") == "unknown option 'inner.gian', known here: gain, form");
+  CHECK(message("outer.gain", "1") == "unknown option 'outer', known here: count, fast, inner");
+  CHECK(message("count", "11") == "'count' = 11 is out of range [1, 10]");
+  CHECK(contains(message("inner", "3"), "'inner' must be a map"));
+  CHECK(contains(message("", "3"), "unknown option"));
+  CHECK(contains(message("count", "[1"), "not valid YAML"));
+  CHECK(o.count == 4);
+}
+
+TEST_CASE("the list of parameters has every field with value and range") {
+  const auto list = apso::list_parameters(sample::Outer{});
+  REQUIRE(list.size() == 4);
+  CHECK(list[0].path == "count");
+  CHECK(list[0].value == "3");
+  CHECK(list[0].range == "1 .. 10");
+  CHECK(list[1].path == "fast");
+  CHECK(list[1].value == "false");
+  CHECK(list[1].range == "false | true");
+  CHECK(list[2].path == "inner.gain");
+  CHECK(list[2].value == "0.5");
+  CHECK(list[3].path == "inner.form");
+  CHECK(list[3].value == "round");
+  CHECK(list[3].range == "round | square");
+}
+
 TEST_CASE("validate names field, value and range") {
   sample::Outer o;
   o.inner.gain = 2;

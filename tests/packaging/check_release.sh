@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The release script, in a repository of its own: it refuses what is not ready and makes what is.
+# Tests the release script in a temporary repository: it refuses what is not ready, and releases what is.
 # usage: check_release.sh SOURCE SCRATCH COMPILER EIGEN
 set -euo pipefail
 source=$1 scratch=$2 compiler=$3 eigen=$4

@@ -4,7 +4,7 @@ find_program(APSO_PKG_CONFIG NAMES pkgconf pkg-config)
 find_program(APSO_DPKG dpkg)
 find_program(APSO_MESON meson)
 find_program(APSO_PYTHON python3)
-set(_ways installed component subdirectory fetched copied documented single two_versions vcpkg)
+set(_ways installed component subdirectory fetched copied documented single parts two_versions vcpkg)
 foreach(_way_tool IN ITEMS pkgconfig:PKG_CONFIG deb:DPKG meson:MESON conan:PYTHON)
   string(REPLACE ":" ";" _way_tool ${_way_tool})
   list(GET _way_tool 0 _way)
@@ -15,10 +15,16 @@ foreach(_way_tool IN ITEMS pkgconfig:PKG_CONFIG deb:DPKG meson:MESON conan:PYTHO
     message(STATUS "packaging_${_way} is not tested: its tool was not found (${_tool})")
   endif()
 endforeach()
+find_program(APSO_CLANGXX clang++)
+set(_compilers ${CMAKE_CXX_COMPILER})
+if(APSO_CLANGXX)
+  list(APPEND _compilers ${APSO_CLANGXX})
+endif()
+list(REMOVE_DUPLICATES _compilers)
 foreach(_way IN LISTS _ways)
   add_test(NAME packaging_${_way}
            COMMAND ${CMAKE_COMMAND} -DWAY=${_way} -DSOURCE=${PROJECT_SOURCE_DIR} -DBUILD=${PROJECT_BINARY_DIR}
-                   -DSCRATCH=${CMAKE_CURRENT_BINARY_DIR}/packaging_${_way} -DCOMPILER=${CMAKE_CXX_COMPILER}
+                   -DSCRATCH=${CMAKE_CURRENT_BINARY_DIR}/packaging_${_way} -DCOMPILER=${CMAKE_CXX_COMPILER} "-DCOMPILERS=${_compilers}"
                    -DEIGEN=${_eigen} -DVERSION=${PROJECT_VERSION} -DPKG_CONFIG=${APSO_PKG_CONFIG} -DMESON=${APSO_MESON}
                    -DPYTHON=${APSO_PYTHON} -P ${CMAKE_CURRENT_LIST_DIR}/check.cmake)
   set_tests_properties(packaging_${_way} PROPERTIES TIMEOUT 900)

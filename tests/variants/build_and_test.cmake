@@ -4,7 +4,7 @@ include(ProcessorCount)
 ProcessorCount(processors)
 foreach(step IN ITEMS configure build test)
   if(step STREQUAL "configure")
-    # The build type "None" adds no flags of its own, so assertions stay on.
+    # The build type "None" adds no flags, so assertions stay enabled.
     set(command ${CMAKE_COMMAND} -S ${SOURCE} -B ${BINARY} -G Ninja -DCMAKE_BUILD_TYPE=None -DAPSO_INNER=ON
                 -DAPSO_BUILD_EXAMPLES=OFF -DAPSO_BUILD_BENCHMARKS=OFF ${options})
   elseif(step STREQUAL "build")

@@ -6,6 +6,8 @@
 ///       decision:
 ///         th_differ: 0.55
 /// \endcode
+/// One field alone: `set_parameter(options, "pipeline.assessor.decision.th_differ", "0.55")`. All fields with their values and
+/// ranges: list_parameters().
 #pragma once
 
 #include <fstream>
@@ -100,7 +102,7 @@ class YamlReader {
     }
   }
   [[noreturn]] void fail(const YAML::Node& at, const std::string& what) const {
-    throw io_error(file_ + ":" + std::to_string(at.Mark().line + 1) + ": " + what);
+    throw io_error((file_.empty() ? "" : file_ + ":" + std::to_string(at.Mark().line + 1) + ": ") + what);
   }
 
   YAML::Node node_;
@@ -134,6 +136,83 @@ class YamlWriter {
 };
 
 }  // namespace detail
+
+/// One field of an options struct.
+struct Parameter {
+  std::string path;   ///< e.g. "pipeline.assessor.decision.th_differ"
+  std::string value;  ///< to ten digits
+  std::string range;  ///< "0 .. 1"; of an enum its names, "a | b"; of a bool "false | true"; else empty
+};
+
+namespace detail {
+class ParameterLister {
+ public:
+  ParameterLister(std::string prefix, std::vector<Parameter>& out) : prefix_(std::move(prefix)), out_(&out) {}
+  template <class T, class L, class H>
+  void operator()(const char* name, const T& value, L lowest, H highest) const {
+    out_->push_back({prefix_ + name, text(value), text(static_cast<T>(lowest)) + " .. " + text(static_cast<T>(highest))});
+  }
+  template <class T>
+  void operator()(const char* name, const T& value) const {
+    if constexpr (is_options_v<T>) {
+      T::fields(value, ParameterLister(prefix_ + name + '.', *out_));
+    } else if constexpr (std::is_enum_v<T>) {
+      std::string names;
+      for (const char* n : enum_names(T{})) names += (names.empty() ? "" : " | ") + std::string(n);
+      out_->push_back({prefix_ + name, enum_names(T{})[static_cast<std::size_t>(value)], names});
+    } else {
+      out_->push_back({prefix_ + name, text(value), std::is_same_v<T, bool> ? "false | true" : ""});
+    }
+  }
+
+ private:
+  template <class T>
+  static std::string text(const T& value) {
+    std::ostringstream out;
+    out.precision(std::is_same_v<T, float> ? 7 : 10);
+    out << std::boolalpha << value;
+    return out.str();
+  }
+  std::string prefix_;
+  std::vector<Parameter>* out_;
+};
+}  // namespace detail
+
+/// All fields of nested options, in the order in which they are declared.
+template <class Options>
+[[nodiscard]] std::vector<Parameter> list_parameters(const Options& options) {
+  std::vector<Parameter> list;
+  Options::fields(options, detail::ParameterLister("", list));
+  return list;
+}
+
+/// Sets one field. Throws io_error for an unknown name, a value of the wrong kind or out of range, and then changes nothing.
+/// \param path  names of the groups and of the field, joined by dots
+/// \param value as in a YAML file
+template <class Options>
+void set_parameter(Options& options, const std::string& path, const std::string& value) {
+  YAML::Node node;
+  try {
+    node = YAML::Load(value);
+  } catch (const YAML::Exception& e) {
+    throw io_error("'" + path + "': not valid YAML: " + e.msg);
+  }
+  std::size_t end = path.size();
+  while (true) {
+    const std::size_t dot = path.rfind('.', end - 1);
+    const std::size_t begin = dot == std::string::npos ? 0 : dot + 1;
+    YAML::Node outer(YAML::NodeType::Map);
+    outer[path.substr(begin, end - begin)] = node;
+    node.reset(outer);
+    if (begin == 0) break;
+    end = dot;
+  }
+  Options changed = options;
+  detail::YamlReader reader(node, "", "");
+  Options::fields(changed, reader);
+  reader.finish();
+  options = changed;
+}
 
 /// Sets the fields named in the YAML file; the others keep their values.
 /// Throws io_error naming file, line and field for a missing file, a syntax error, an unknown name, a value of the

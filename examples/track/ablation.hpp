@@ -1,0 +1,113 @@
+/// \file
+/// What apso_ablate changes: a table of variants, each a name, what it means, and the settings it differs in.
+#pragma once
+
+#include <cstdio>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <apso/io/parameters.hpp>
+
+#include "config.hpp"
+
+namespace track {
+
+struct Variant {
+  std::string name;
+  std::string meaning;
+  std::vector<std::pair<std::string, std::string>> settings;  ///< path of a field and its value
+  std::string without;  ///< path of a weight that is given to the others of its group; empty: none
+};
+
+/// The variants that are the same for all settings to start from.
+inline std::vector<Variant> fixed_variants() {
+  const auto assessor = [](const std::string& path) { return "pipeline.assessor." + path; };
+  const auto decision = [](const std::string& path) { return "pipeline.assessor.decision." + path; };
+  const auto refiner = [](const std::string& path) { return "pipeline.refiner." + path; };
+  return {
+      {"default", "everything as shipped", {}, ""},
+      {"no_refinement", "BAD frames are not repaired", {{"pipeline.refinement", "false"}}, ""},
+      {"screw_blend", "blend along the screw, one weight for all directions", {{refiner("blend.form"), "screw_linear"}}, ""},
+      {"one_reference", "alignment to one reference", {{refiner("memory.references"), "1"}}, ""},
+      {"both_scales", "brightness residuals count in c_dir as well", {{refiner("confidence.intensity_share"), "0.5"}}, ""},
+      {"no_motion", "nothing is masked", {{"pipeline.motion", "false"}}, ""},
+      {"no_change", "S_final = S_total", {{decision("w_base"), "1"}, {decision("a"), "0"}, {decision("w_dyn"), "1"}}, ""},
+      {"no_sharpness", "S_feature from keypoints alone", {{assessor("sharpness.enabled"), "false"}}, ""},
+      {"no_dynamic_ratio", "W_base does not fall with what moves", {{decision("a"), "0"}}, ""},
+      {"no_static_boost", "static scenario off", {{decision("boost_static"), "0"}}, ""},
+      {"no_dynamic_scenario", "dynamic scenario off", {{decision("th_dynamic"), "1"}}, ""},
+      {"no_object_boost", "scenario of confident objects off", {{decision("boost_object"), "0"}}, ""},
+      {"no_hand_over", "a reference is not handed on", {{assessor("benchmark.hand_over"), "false"}}, ""},
+      {"ratchet", "benchmark update as printed",
+       {{assessor("benchmark.hand_over"), "false"}, {assessor("benchmark.half_life"), ".inf"}, {assessor("benchmark.max_age"), ".inf"}}, ""},
+      {"literal_polarity", "S_change raises S_final, as printed", {{decision("polarity"), "literal"}}, ""},
+      {"cumulative_base", "W_base falls from frame to frame, as printed", {{decision("base_weight"), "cumulative"}}, ""},
+      {"literal_thresholds", "th_s by the printed recursion", {{assessor("initialisation.quality_threshold"), "literal"}}, ""},
+      {"first_passing", "the first frame that passes is the reference", {{assessor("initialisation.initial_frame"), "first_passing"}}, ""},
+      {"paper", "all of the printed forms together",
+       {{decision("polarity"), "literal"}, {decision("base_weight"), "cumulative"}, {assessor("initialisation.quality_threshold"), "literal"},
+        {assessor("benchmark.hand_over"), "false"}, {assessor("benchmark.half_life"), ".inf"}, {assessor("benchmark.max_age"), ".inf"},
+        {assessor("sharpness.enabled"), "false"}}, ""},
+      {"previous_baseline", "change against the frame before", {{assessor("change_baseline"), "previous"}}, ""},
+      {"residual_flow", "S_mc without the camera's own motion", {{assessor("motion_change.flow"), "residual"}}, ""},
+      {"gated_feature", "S_feature in the gated form", {{assessor("feature.form"), "gated"}}, ""},
+      {"linear_feature", "S_feature in the linear form", {{assessor("feature.form"), "linear"}}, ""},
+      {"half_saturation", "responses against a constant", {{assessor("feature.response"), "half_saturation"}}, ""},
+      {"covering", "uniformity by square covering", {{assessor("feature.uniformity"), "covering"}}, ""},
+      {"observability", "S_spatial: how well objects are seen", {{assessor("spatial.form"), "object_observability"}}, ""},
+      {"ratio_features", "dynamic ratio of keypoints", {{assessor("dynamic_ratio"), "features"}}, ""},
+      {"ratio_count", "dynamic ratio of objects", {{assessor("dynamic_ratio"), "count"}}, ""},
+      {"hysteresis", "th_differ 0.03 higher once BAD", {{decision("hysteresis"), "0.03"}}, ""},
+      {"auto_threshold", "th_differ follows the GOOD frames", {{decision("auto_calibrate"), "true"}}, ""},
+  };
+}
+
+/// All variants: the fixed ones, and one for each score, which takes its weight away.
+inline std::vector<Variant> variants() {
+  std::vector<Variant> all = fixed_variants();
+  for (const apso::Parameter& p : apso::list_parameters(Config{})) {
+    for (const auto& [group, sum] : {std::pair("pipeline.assessor.frame_weights.", "S_total"),
+                                     std::pair("pipeline.assessor.change_weights.", "S_change")}) {
+      if (p.path.rfind(group, 0) != 0) continue;
+      const std::string score = p.path.substr(std::string(group).size());
+      all.push_back({"no_" + score, std::string(sum) + " without " + score, {}, p.path});
+    }
+  }
+  return all;
+}
+
+/// Sets a weight to 0 and enlarges the others of its group in proportion, so that their sum stays what it was.
+inline void drop_weight(Config& config, const std::string& path) {
+  const std::string group = path.substr(0, path.rfind('.') + 1);
+  std::vector<std::pair<std::string, double>> others;
+  double rest = 0;
+  double dropped = 0;
+  for (const apso::Parameter& p : apso::list_parameters(config)) {
+    if (p.path.rfind(group, 0) != 0) continue;
+    const double w = std::stod(p.value);
+    if (p.path == path) {
+      dropped = w;
+    } else {
+      others.emplace_back(p.path, w);
+      rest += w;
+    }
+  }
+  apso::set_parameter(config, path, "0");
+  if (!(rest > 0)) return;
+  for (const auto& [other, w] : others) {
+    char value[32];
+    std::snprintf(value, sizeof value, "%.17g", w * (rest + dropped) / rest);
+    apso::set_parameter(config, other, value);
+  }
+}
+
+/// The settings of a variant of `config`. Throws io_error when a setting does not exist or does not take the value.
+inline Config changed(Config config, const Variant& variant) {
+  for (const auto& [path, value] : variant.settings) apso::set_parameter(config, path, value);
+  if (!variant.without.empty()) drop_weight(config, variant.without);
+  apso::validate(config, variant.name);
+  return config;
+}
+
+}  // namespace track

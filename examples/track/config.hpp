@@ -1,0 +1,45 @@
+/// \file
+/// The settings of apso_track, and of all programs that run it or write files for it.
+#pragma once
+
+#include <cstdio>
+#include <map>
+#include <string>
+
+#include <apso/io/parameters.hpp>
+#include <apso/observation/soft_weights.hpp>
+#include <apso/opencv/detectors/motion_by_name.hpp>
+#include <apso/opencv/feature_tracker.hpp>
+#include <apso/pipeline/pipeline.hpp>
+
+namespace track {
+
+struct Config {
+  apso::PipelineOptions pipeline;
+  apso::opencv::FeatureTrackerOptions tracker;
+  apso::opencv::MotionOptions motion;  ///< of every policy that --motion can name
+  apso::SoftWeightOptions soft_weights;
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("pipeline", s.pipeline);
+    v("tracker", s.tracker);
+    v("motion", s.motion);
+    v("soft_weights", s.soft_weights);
+  }
+};
+
+/// Prints every setting with its value and range, and how many there are in each group.
+inline void print_settings(const Config& config) {
+  std::map<std::string, int> groups;
+  int count = 0;
+  for (const apso::Parameter& p : apso::list_parameters(config)) {
+    std::printf("%-62s %-16s %s\n", p.path.c_str(), p.value.c_str(), p.range.c_str());
+    const auto first = p.path.find('.');
+    ++groups[p.path.substr(0, first == std::string::npos ? first : p.path.find('.', first + 1))];
+    ++count;
+  }
+  std::printf("\n%d settings:\n", count);
+  for (const auto& [group, n] : groups) std::printf("  %4d %s\n", n, group.c_str());
+}
+
+}  // namespace track

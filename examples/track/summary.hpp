@@ -1,0 +1,113 @@
+/// \file
+/// summary.json of a run of apso_track: counts, errors against ground truth, times, settings.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include <apso/evaluation/ate.hpp>
+#include <apso/evaluation/rpe.hpp>
+#include <apso/evaluation/trajectory.hpp>
+#include <apso/pipeline/report.hpp>
+#include <apso/version.hpp>
+
+#include "output.hpp"
+
+namespace track {
+
+/// What is kept of all frames of a run.
+struct Record {
+  apso::Trajectory final_poses;
+  apso::Trajectory feature_poses;
+  std::vector<apso::FrameReport> reports;  ///< of the frames processed
+  std::vector<Timing> timings;             ///< of the same frames
+  nlohmann::json skipped = nlohmann::json::array();
+  nlohmann::json mask_problems = nlohmann::json::array();
+  int softened = 0;                        ///< frames in which dynamic features counted a little
+  std::string failure;                     ///< why the run ended early; empty: it did not
+  [[nodiscard]] int refined() const {
+    int n = 0;
+    for (const apso::FrameReport& r : reports) n += r.refined ? 1 : 0;
+    return n;
+  }
+  [[nodiscard]] int in_state(apso::SceneState state) const {
+    int n = 0;
+    for (const apso::FrameReport& r : reports) n += r.state == state ? 1 : 0;
+    return n;
+  }
+};
+
+/// ATE and RPE of an estimate; null when too few poses match.
+inline nlohmann::json evaluate(const apso::Trajectory& truth, const apso::Trajectory& estimate) {
+  apso::AteOptions ate_options;
+  ate_options.association = apso::AssociationRule::Evo;
+  const apso::AteResult ate = apso::ate(truth, estimate, ate_options);
+  if (!succeeded(ate.status)) return nullptr;
+  nlohmann::json result{{"pairs", ate.pairs.size()}, {"ate", to_json(ate.statistics)}};
+  const auto add_rpe = [&](const char* name, double delta, apso::DeltaUnit unit) {
+    apso::RpeOptions options;
+    options.delta = delta;
+    options.unit = unit;
+    const apso::RpeResult rpe = apso::rpe(truth, estimate, options);
+    if (!succeeded(rpe.status)) return;
+    result[name] = {{"pairs", rpe.translation.count}, {"translation", to_json(rpe.translation)}, {"rotation_deg", to_json(rpe.rotation_deg)}};
+  };
+  add_rpe("rpe_1s", 1.0, apso::DeltaUnit::Seconds);
+  add_rpe("rpe_1f", 1.0, apso::DeltaUnit::Frames);
+  return result;
+}
+
+/// Median, 95th percentile and largest time of each stage [ms].
+inline nlohmann::json stage_times(const std::vector<Timing>& timings) {
+  const auto column = [&](auto&& of) {
+    std::vector<double> v;
+    for (const Timing& t : timings) v.push_back(of(t));
+    return distribution(v);
+  };
+  return {{"load", column([](const Timing& t) { return t.load; })},
+          {"features", column([](const Timing& t) { return t.features; })},
+          {"observe", column([](const Timing& t) { return t.observe; })},
+          {"assess", column([](const Timing& t) { return t.assess; })},
+          {"refine", column([](const Timing& t) { return t.refine; })},
+          {"map", column([](const Timing& t) { return t.map; })},
+          {"total", column([](const Timing& t) { return t.total(); })}};
+}
+
+/// Everything of summary.json that follows from the frames and the ground truth.
+/// \param total       frames of the sequence that were to be processed
+/// \param groundtruth empty: no errors
+inline nlohmann::json summarise(const Record& r, int total, const apso::Trajectory& groundtruth) {
+  const int bad = r.in_state(apso::SceneState::Bad);
+  const int lost = r.in_state(apso::SceneState::Lost);
+  const int initialising = r.in_state(apso::SceneState::Initialising);
+  nlohmann::json summary;
+  summary["version"] = APSO_VERSION;
+  summary["frames"] = {{"in_sequence", total},
+                       {"processed", r.reports.size()},
+                       {"skipped", r.skipped.size()},
+                       {"with_pose", r.final_poses.size()},
+                       {"good", static_cast<int>(r.reports.size()) - bad - lost - initialising},
+                       {"bad", bad},
+                       {"lost", lost},
+                       {"initialising", initialising},
+                       {"refined", r.refined()},
+                       {"soft_weights", r.softened}};
+  summary["skipped"] = r.skipped;
+  summary["mask_problems"] = r.mask_problems;
+  summary["ms"] = stage_times(r.timings);
+  if (!groundtruth.empty()) {
+    try {
+      summary["final"] = evaluate(groundtruth, r.final_poses);
+      summary["features"] = evaluate(groundtruth, r.feature_poses);
+    } catch (const std::exception& e) {
+      summary["evaluation_problem"] = e.what();
+    }
+  }
+  if (!r.failure.empty()) summary["failure"] = r.failure;
+  return summary;
+}
+
+}  // namespace track
