@@ -13,6 +13,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/testing/synthetic_limb.hpp>
 #include <apso/testing/synthetic_motion.hpp>
 #include <apso/testing/synthetic_scene.hpp>
 #include <apso/types/image_view.hpp>
@@ -41,7 +42,7 @@ class Renderer {
         ify_(static_cast<float>(1 / camera.fy)),
         cx_(static_cast<float>(camera.cx)),
         cy_(static_cast<float>(camera.cy)) {
-    for (const Limb& limb : limbs) limbs_.push_back(prepare(limb));
+    for (const Limb& limb : limbs) limbs_.push_back(limb_body(limb, camera, T_camera_world_));
   }
 
   void draw(Canvas3d& out) const {
@@ -57,71 +58,15 @@ class Renderer {
   [[nodiscard]] float incidence(int x, int y, float depth, std::uint16_t surface) const {
     const Eigen::Vector3f d = ray(x, y);
     if (surface < scene_.faces.size()) return std::abs(d[scene_.faces[surface].axis]) / d.norm();
-    const Body& b = limbs_[surface - scene_.faces.size()];
+    const LimbBody& b = limbs_[surface - scene_.faces.size()];
     const Eigen::Vector3f n = b.to_world_normal * body_normal(b, b.to_local * (origin_ + depth * d - b.centre));
     return std::abs(n.dot(d)) / (n.norm() * d.norm());
   }
 
  private:
-  /// A limb in coordinates in which it is a cylinder of radius 1 with round ends.
-  struct Body {
-    Eigen::Matrix3f to_local;         ///< world directions -> local
-    Eigen::Matrix3f to_world_normal;  ///< local normals -> world (not of unit length)
-    Eigen::Vector3f centre;
-    float half_length;  ///< in local units
-    float row_scale;    ///< texture rows per local unit of y
-    float texels;       ///< texels per metre, for the level of detail
-    int texture;
-    int u0, u1, v0, v1;  ///< pixels it may cover, inclusive
-  };
-
   [[nodiscard]] Eigen::Vector3f ray(int x, int y) const {
     return rotation_ *
            Eigen::Vector3f((static_cast<float>(x) - cx_) * ifx_, (static_cast<float>(y) - cy_) * ify_, 1.0F);
-  }
-
-  [[nodiscard]] Body prepare(const Limb& limb) const {
-    Body b;
-    const Eigen::Vector3d inverse_size(1 / limb.across, 1 / limb.end, 1 / limb.front);
-    const Eigen::Matrix3d local = inverse_size.asDiagonal() * limb.axes.transpose();
-    b.to_local = local.cast<float>();
-    b.to_world_normal = local.transpose().cast<float>();
-    b.centre = limb.centre.cast<float>();
-    b.half_length = static_cast<float>(limb.half_length / limb.end);
-    b.texture = limb.texture;
-    const double round = limb.across + limb.front;
-    b.texels = static_cast<float>(256.0 / (kPi * round));
-    // head: the texture's height is the head; else square texels on the cylinder
-    b.row_scale = static_cast<float>(256.0 / (kPi * round) * limb.end);
-    if (limb.half_length < 0.4 * limb.end) b.row_scale = 128.0F / (1.0F + b.half_length);
-    // box around the two spheres at the ends
-    const double r = std::max({limb.across, limb.front, limb.end});
-    double u0 = 1e9, u1 = -1e9, v0 = 1e9, v1 = -1e9;
-    for (const double s : {-limb.half_length, limb.half_length}) {
-      const Eigen::Vector3d end_in_world = limb.centre + s * limb.axes.col(1);
-      const Eigen::Vector3d p = T_camera_world_ * end_in_world;
-      if (p.z() + r < kNear) continue;
-      const double near = std::max(p.z() - r, static_cast<double>(kNear));
-      const double far = p.z() + r;
-      u0 = std::min(u0, camera_.cx + camera_.fx * (p.x() - r) / (p.x() - r < 0 ? near : far));
-      u1 = std::max(u1, camera_.cx + camera_.fx * (p.x() + r) / (p.x() + r > 0 ? near : far));
-      v0 = std::min(v0, camera_.cy + camera_.fy * (p.y() - r) / (p.y() - r < 0 ? near : far));
-      v1 = std::max(v1, camera_.cy + camera_.fy * (p.y() + r) / (p.y() + r > 0 ? near : far));
-    }
-    const auto inside = [](double v, int last) { return static_cast<int>(std::min<double>(last, std::max(0.0, v))); };
-    b.u0 = u0 > camera_.width - 1 ? 1 : inside(std::floor(u0), camera_.width - 1);
-    b.u1 = u1 < 0 || u0 > camera_.width - 1 ? 0 : inside(std::ceil(u1), camera_.width - 1);
-    b.v0 = v0 > camera_.height - 1 ? 1 : inside(std::floor(v0), camera_.height - 1);
-    b.v1 = v1 < 0 || v0 > camera_.height - 1 ? 0 : inside(std::ceil(v1), camera_.height - 1);
-    if (u1 < 0) b.u0 = 1;
-    if (v1 < 0) b.v0 = 1;
-    return b;
-  }
-
-  static Eigen::Vector3f body_normal(const Body& b, const Eigen::Vector3f& q) {
-    const float rest =
-        q.y() > b.half_length ? q.y() - b.half_length : (q.y() < -b.half_length ? q.y() + b.half_length : 0);
-    return {q.x(), rest, q.z()};
   }
 
   void draw_face(std::size_t index, Canvas3d& out) const {
@@ -200,7 +145,7 @@ class Renderer {
   }
 
   void draw_limb(std::size_t index, Canvas3d& out) const {
-    const Body& b = limbs_[index];
+    const LimbBody& b = limbs_[index];
     const auto id = static_cast<std::uint16_t>(scene_.faces.size() + index);
     const Eigen::Vector3f o = b.to_local * (origin_ - b.centre);
     const float c = o.x() * o.x() + o.z() * o.z() - 1;
@@ -284,7 +229,7 @@ class Renderer {
     }
   }
 
-  void shade_limb(const Body& b, int y, int begin, int end, const float* iz, std::uint32_t* colour) const {
+  void shade_limb(const LimbBody& b, int y, int begin, int end, const float* iz, std::uint32_t* colour) const {
     const Texture& texture = scene_.textures[static_cast<std::size_t>(b.texture)];
     const Eigen::Vector3f light = b.to_world_normal.transpose() * Eigen::Vector3f(-0.35F, -0.8F, -0.5F);
     const Eigen::Vector3f o = b.to_local * (origin_ - b.centre);
@@ -306,14 +251,13 @@ class Renderer {
     }
   }
 
-  static constexpr float kNear = 0.05F;
   const Scene& scene_;
   const Pinhole& camera_;
   Eigen::Matrix3f rotation_;
   Eigen::Vector3f origin_;
   Pose T_camera_world_;
   float ifx_, ify_, cx_, cy_;
-  std::vector<Body> limbs_;
+  std::vector<LimbBody> limbs_;
 };
 
 }  // namespace testing
