@@ -9,6 +9,7 @@
 #include <apso/evaluation/decision_analysis.hpp>
 #include <apso/evaluation/rpe.hpp>
 #include <apso/evaluation/trajectory.hpp>
+#include <apso/evaluate.hpp>
 #include <apso/executor.hpp>
 #include <apso/math/assignment.hpp>
 #include <apso/math/constants.hpp>
@@ -111,6 +112,7 @@
 #include <apso/traits/pose.hpp>
 #include <apso/traits/ranges.hpp>
 #include <apso/traits/rows.hpp>
+#include <apso/traits/stamped_pose.hpp>
 #include <apso/traits/track.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/frame.hpp>

@@ -19,13 +19,6 @@ Pairs as_pairs(const std::vector<apso::StampMatch>& matches) {
   for (const auto& m : matches) p.emplace_back(m.first, m.second);
   return p;
 }
-apso::StampedPose at(double t, double x, double yaw = 0) {
-  apso::Twist xi = apso::Twist::Zero();
-  xi(5) = yaw;
-  apso::StampedPose p{t, apso::se3_exp(xi)};
-  p.T_world_body.translation() = Eigen::Vector3d(x, 0, 0);
-  return p;
-}
 }  // namespace
 
 TEST_CASE("statistics of 4 1 3 2") {
@@ -135,17 +128,4 @@ TEST_CASE("the window of the TUM association finds what a search over all pairs 
     std::sort(expected.begin(), expected.end());
     CHECK(as_pairs(apso::associate_tum(a, b)) == expected);
   }
-}
-
-TEST_CASE("interpolation: half way, at a pose, outside, and in a gap") {
-  const apso::Trajectory t{at(0, 0), at(1, 2, 1.0), at(5, 3)};
-  const auto half = apso::interpolate(t, 0.5, 1.0);
-  REQUIRE(half.has_value());
-  CHECK(half->translation().x() == doctest::Approx(1.0));
-  CHECK(apso::rotation_angle(*half) == doctest::Approx(0.5));
-  CHECK(apso::interpolate(t, 1.0)->translation().x() == 2.0);
-  CHECK_FALSE(apso::interpolate(t, -0.1).has_value());
-  CHECK_FALSE(apso::interpolate(t, 5.1).has_value());
-  CHECK_FALSE(apso::interpolate(t, 3.0, 1.0).has_value());
-  CHECK(apso::resample(t, {-1, 0, 0.25, 3, 5}, 1.0).size() == 3);
 }

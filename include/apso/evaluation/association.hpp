@@ -10,6 +10,7 @@
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/evaluation/trajectory.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -116,13 +117,17 @@ inline void expects_stamps(const std::vector<double>& stamps, const char* messag
   return matches;
 }
 
-/// Association by the rule given, with the largest difference its authors use unless one is given (> 0).
-[[nodiscard]] inline std::vector<StampMatch> associate(const std::vector<double>& first,
-                                                       const std::vector<double>& second, AssociationRule rule,
-                                                       double max_difference = 0, double offset_second = 0) {
+/// Association by the rule given.
+/// \param first,second strictly increasing stamps [s], or trajectories: any range of numbers or of stamped poses
+/// \param max_difference largest difference of a pair [s]; 0: the one that the authors of the rule use
+/// \param offset_second added to the stamps of the second list [s]
+template <class First = std::vector<double>, class Second = std::vector<double>>
+[[nodiscard]] std::vector<StampMatch> associate(const First& first, const Second& second, AssociationRule rule,
+                                                double max_difference = 0, double offset_second = 0) {
   const double limit = max_difference > 0 ? max_difference : default_max_difference(rule);
-  return rule == AssociationRule::Tum ? associate_tum(first, second, limit, offset_second)
-                                      : associate_evo(first, second, limit, offset_second);
+  const std::vector<double> a = timestamps(first);
+  const std::vector<double> b = timestamps(second);
+  return rule == AssociationRule::Tum ? associate_tum(a, b, limit, offset_second) : associate_evo(a, b, limit, offset_second);
 }
 
 APSO_NAMESPACE_END

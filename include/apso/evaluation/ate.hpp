@@ -8,6 +8,8 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -20,6 +22,8 @@
 #include <apso/math/symmetric.hpp>
 #include <apso/options.hpp>
 #include <apso/status.hpp>
+#include <apso/traits/pose.hpp>
+#include <apso/traits/stamped_pose.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -39,21 +43,21 @@ struct HornAlignment {
                                               const std::vector<Eigen::Vector3d>& source) {
   expects(!target.empty() && target.size() == source.size(), "align_horn: need equally many points, at least one");
   const double n = static_cast<double>(target.size());
-  Eigen::Vector3d mean_target = zeros<Eigen::Vector3d>();
-  Eigen::Vector3d mean_source = zeros<Eigen::Vector3d>();
+  Eigen::Vector3d mean_target = Eigen::Vector3d::Zero();
+  Eigen::Vector3d mean_source = Eigen::Vector3d::Zero();
   for (std::size_t i = 0; i < target.size(); ++i) {
-    mean_target = plus(mean_target, target[i]);
-    mean_source = plus(mean_source, source[i]);
+    mean_target += target[i];
+    mean_source += source[i];
   }
-  mean_target = times(1.0 / n, mean_target);
-  mean_source = times(1.0 / n, mean_source);
+  mean_target *= 1.0 / n;
+  mean_source *= 1.0 / n;
   expects(all_finite(mean_target) && all_finite(mean_source), "align_horn: points must be finite");
   double S[3][3] = {};  // sum of source times target^T, as in the article
   double spread_target = 0;
   double spread_source = 0;
   for (std::size_t i = 0; i < target.size(); ++i) {
-    const Eigen::Vector3d q = minus(target[i], mean_target);
-    const Eigen::Vector3d p = minus(source[i], mean_source);
+    const Eigen::Vector3d q = target[i] - mean_target;
+    const Eigen::Vector3d p = source[i] - mean_source;
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c) S[r][c] += p(r) * q(c);
     }
@@ -90,7 +94,7 @@ struct HornAlignment {
     q = unit({vectors[0][3], vectors[1][3], vectors[2][3], vectors[3][3]});
   }
   const Eigen::Matrix3d R = rotation(q);
-  result.T_target_source = make_pose(R, minus(mean_target, times(R, mean_source)));
+  result.T_target_source = make_pose(R, mean_target - R * mean_source);
   return result;
 }
 
@@ -117,27 +121,29 @@ struct AteOptions {
   }
 };
 
-struct AteResult {
+/// \tparam PoseT the pose type of the estimate
+template <class PoseT = Pose>
+struct BasicAteResult {
   /// TooFewMatches: no pair, or fewer than 3 for an alignment, and nothing else below is set but `pairs`.
   /// Degenerate: the positions lie on a line or in a point, so the rotation of the alignment is not unique (the errors
   /// are). Converged otherwise.
   Status status = Status::NotRun;
   Statistics statistics;                            ///< of the position errors [m]
-  Pose T_groundtruth_estimate = Pose::Identity();   ///< maps the world of the estimate into that of the ground truth
+  PoseT T_groundtruth_estimate = from_pose<PoseT>(Pose::Identity());  ///< maps the world of the estimate into that of the
+                                                                      ///< ground truth
   std::vector<StampMatch> pairs;                    ///< first: index of the ground truth, second: of the estimate
   std::vector<double> errors;                       ///< one per pair [m]
 };
+using AteResult = BasicAteResult<>;
 
-/// Absolute trajectory error, e_i = |R p_i + t - q_i| with the estimated position p_i and the true one q_i.
-/// \param groundtruth,estimate strictly increasing stamps, finite poses; their world frames may differ
-[[nodiscard]] inline AteResult ate(const Trajectory& groundtruth, const Trajectory& estimate,
-                                   const AteOptions& options = {}) {
+namespace detail {
+[[nodiscard]] inline AteResult ate_of(const Trajectory& groundtruth, const Trajectory& estimate, const AteOptions& options) {
   validate(options, "ate");
   validate(groundtruth, "ate: ground truth");
   validate(estimate, "ate: estimate");
   AteResult result;
-  result.pairs = associate(timestamps(groundtruth), timestamps(estimate), options.association, options.max_difference,
-                           options.time_offset);
+  result.pairs =
+      associate(groundtruth, estimate, options.association, options.max_difference, options.time_offset);
   const bool align = options.alignment == TrajectoryAlignment::Se3;
   result.status = Status::TooFewMatches;
   if (result.pairs.size() < (align ? 3U : 1U)) return result;
@@ -157,10 +163,31 @@ struct AteResult {
   }
   result.errors.reserve(truth.size());
   for (std::size_t i = 0; i < truth.size(); ++i) {
-    result.errors.push_back(norm(minus(transform(result.T_groundtruth_estimate, positions[i]), truth[i])));
+    result.errors.push_back((transform(result.T_groundtruth_estimate, positions[i]) - truth[i]).norm());
   }
   result.statistics = compute_statistics(result.errors);
   return result;
+}
+}  // namespace detail
+
+/// Absolute trajectory error, e_i = |R p_i + t - q_i| with the estimated position p_i and the true one q_i.
+/// \param groundtruth,estimate any ranges whose entries have stamped_pose_traits (a Trajectory, pairs of seconds and a pose of
+///        yours, ...): strictly increasing stamps, finite poses; their world frames may differ
+/// \returns with T_groundtruth_estimate of the pose type of the estimate
+template <class Truth = Trajectory, class Estimate = Trajectory>
+[[nodiscard]] auto ate(const Truth& groundtruth, const Estimate& estimate, const AteOptions& options = {}) {
+  check_stamped_pose<detail::range_value_t<Truth>>();
+  check_stamped_pose<detail::range_value_t<Estimate>>();
+  Trajectory truth_buffer;
+  Trajectory estimate_buffer;
+  AteResult r = detail::ate_of(as_trajectory(groundtruth, truth_buffer), as_trajectory(estimate, estimate_buffer), options);
+  using PoseT = detail::stamped_pose_call_t<detail::range_value_t<Estimate>>;
+  if constexpr (std::is_same_v<PoseT, Pose>) {
+    return r;
+  } else {
+    return BasicAteResult<PoseT>{r.status, r.statistics, from_pose<PoseT>(r.T_groundtruth_estimate), std::move(r.pairs),
+                                 std::move(r.errors)};
+  }
 }
 
 APSO_NAMESPACE_END

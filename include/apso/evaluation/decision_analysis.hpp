@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <limits>
 #include <numeric>
 #include <vector>
@@ -21,6 +22,29 @@ struct ScoredEvent {
   bool event = false;
 };
 
+/// Your scores and outcomes as events. Throws contract_error when they are not equally many.
+/// \param scores any range of numbers
+/// \param events any range of what converts to bool
+template <class Scores, class Events>
+[[nodiscard]] std::vector<ScoredEvent> scored_events(const Scores& scores, const Events& events) {
+  std::vector<ScoredEvent> out;
+  auto event = std::begin(events);
+  for (const auto& score : scores) {
+    expects(event != std::end(events), "scored_events: there are more scores than events");
+    out.push_back({static_cast<double>(score), static_cast<bool>(*event)});
+    ++event;
+  }
+  expects(event == std::end(events), "scored_events: there are more events than scores");
+  return out;
+}
+/// Any range of pairs of score and outcome as events.
+template <class Range>
+[[nodiscard]] std::vector<ScoredEvent> scored_events(const Range& range) {
+  std::vector<ScoredEvent> out;
+  for (const auto& [score, event] : range) out.push_back({static_cast<double>(score), static_cast<bool>(event)});
+  return out;
+}
+
 /// A point of the ROC curve: what happens when everything from `threshold` on counts as predicted.
 struct RocPoint {
   double threshold = 0;
@@ -30,7 +54,10 @@ struct RocPoint {
 
 /// The curve from (0,0) to (1,1), one point per distinct score. Empty unless both outcomes occur. Scores that are not
 /// finite are left out.
-[[nodiscard]] inline std::vector<RocPoint> roc_curve(std::vector<ScoredEvent> data) {
+/// \param range ScoredEvents, or pairs of score and outcome
+template <class Range = std::vector<ScoredEvent>>
+[[nodiscard]] std::vector<RocPoint> roc_curve(const Range& range) {
+  std::vector<ScoredEvent> data = scored_events(range);
   data.erase(std::remove_if(data.begin(), data.end(), [](const ScoredEvent& d) { return !std::isfinite(d.score); }),
              data.end());
   std::sort(data.begin(), data.end(), [](const ScoredEvent& a, const ScoredEvent& b) { return a.score > b.score; });
@@ -61,7 +88,10 @@ struct RocPoint {
   }
   return area;
 }
-[[nodiscard]] inline double area_under_roc(const std::vector<ScoredEvent>& data) { return area_under(roc_curve(data)); }
+template <class Range = std::vector<ScoredEvent>>
+[[nodiscard]] double area_under_roc(const Range& range) {
+  return area_under(roc_curve(range));
+}
 
 /// Counts of a yes-or-no prediction.
 struct Confusion {
@@ -91,10 +121,12 @@ struct ReliabilityBin {
 };
 
 /// Bins of equal width over [0,1]; empty bins are left out. Scores outside of [0,1] or NaN are left out.
-[[nodiscard]] inline std::vector<ReliabilityBin> reliability(const std::vector<ScoredEvent>& data, int bins = 10) {
+/// \param range ScoredEvents, or pairs of score and outcome
+template <class Range = std::vector<ScoredEvent>>
+[[nodiscard]] std::vector<ReliabilityBin> reliability(const Range& range, int bins = 10) {
   expects(bins > 0, "reliability: bins must be > 0");
   std::vector<ReliabilityBin> all(static_cast<std::size_t>(bins));
-  for (const ScoredEvent& d : data) {
+  for (const ScoredEvent& d : scored_events(range)) {
     if (!(d.score >= 0 && d.score <= 1)) continue;
     ReliabilityBin& b = all[static_cast<std::size_t>(std::min(bins - 1, static_cast<int>(d.score * bins)))];
     b.mean_score += d.score;

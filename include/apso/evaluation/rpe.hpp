@@ -19,6 +19,7 @@
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
 #include <apso/status.hpp>
+#include <apso/traits/stamped_pose.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -136,15 +137,8 @@ void keep_sample(std::vector<T>& values, std::size_t count, unsigned seed) {
 }
 }  // namespace detail
 
-/// Relative pose error over a fixed interval. For every pose i of the estimate, j is the pose closest to i + delta;
-/// pairs whose j is the last pose are dropped (the interval may be cut short there), and so are pairs where the
-/// nearest pose of the ground truth is farther in time than twice the median interval of the ground truth. As in the
-/// script, j may be i itself where the estimate has a gap of more than twice delta; such a pair has no error.
-/// Rigid motions of either world change nothing, so no alignment is needed; but both trajectories must be of the same
-/// body: a fixed motion between the bodies does change the result.
-/// \param groundtruth,estimate strictly increasing stamps, finite poses
-[[nodiscard]] inline RpeResult rpe(const Trajectory& groundtruth, const Trajectory& estimate,
-                                   const RpeOptions& options = {}) {
+namespace detail {
+[[nodiscard]] inline RpeResult rpe_of(const Trajectory& groundtruth, const Trajectory& estimate, const RpeOptions& options) {
   validate(options, "rpe");
   validate(groundtruth, "rpe: ground truth");
   validate(estimate, "rpe: estimate");
@@ -152,13 +146,13 @@ void keep_sample(std::vector<T>& values, std::size_t count, unsigned seed) {
   result.status = Status::TooFewMatches;
   if (groundtruth.size() < 2 || estimate.size() < 2) return result;
 
-  const std::vector<double> axis = detail::delta_axis(estimate, options.unit);
+  const std::vector<double> axis = delta_axis(estimate, options.unit);
   std::vector<std::pair<std::size_t, std::size_t>> chosen;
   for (std::size_t i = 0; i < estimate.size(); ++i) {
-    const std::size_t j = detail::closest_by_bisection(axis, axis[i] + options.delta);
+    const std::size_t j = closest_by_bisection(axis, axis[i] + options.delta);
     if (j + 1 != estimate.size()) chosen.emplace_back(i, j);
   }
-  if (options.max_pairs > 0) detail::keep_sample(chosen, static_cast<std::size_t>(options.max_pairs), options.seed);
+  if (options.max_pairs > 0) keep_sample(chosen, static_cast<std::size_t>(options.max_pairs), options.seed);
 
   const std::vector<double> stamps = timestamps(groundtruth);
   std::vector<double> intervals;
@@ -169,8 +163,8 @@ void keep_sample(std::vector<T>& values, std::size_t count, unsigned seed) {
   for (const auto& [i, j] : chosen) {
     const double t_i = estimate[i].timestamp + options.time_offset;
     const double t_j = estimate[j].timestamp + options.time_offset;
-    const std::size_t g_i = detail::closest_by_bisection(stamps, t_i);
-    const std::size_t g_j = detail::closest_by_bisection(stamps, t_j);
+    const std::size_t g_i = closest_by_bisection(stamps, t_i);
+    const std::size_t g_j = closest_by_bisection(stamps, t_j);
     if (std::abs(stamps[g_i] - t_i) > max_difference || std::abs(stamps[g_j] - t_j) > max_difference) continue;
     const Pose A = compose(inverse(estimate[i].T_world_body), estimate[j].T_world_body);
     const Pose B = compose(inverse(groundtruth[g_i].T_world_body), groundtruth[g_j].T_world_body);
@@ -184,6 +178,24 @@ void keep_sample(std::vector<T>& values, std::size_t count, unsigned seed) {
   result.translation = compute_statistics(result.translation_errors);
   result.rotation_deg = compute_statistics(result.rotation_errors_deg);
   return result;
+}
+}  // namespace detail
+
+/// Relative pose error over a fixed interval. For every pose i of the estimate, j is the pose closest to i + delta;
+/// pairs whose j is the last pose are dropped (the interval may be cut short there), and so are pairs where the
+/// nearest pose of the ground truth is farther in time than twice the median interval of the ground truth. As in the
+/// script, j may be i itself where the estimate has a gap of more than twice delta; such a pair has no error.
+/// Rigid motions of either world change nothing, so no alignment is needed; but both trajectories must be of the same
+/// body: a fixed motion between the bodies does change the result.
+/// \param groundtruth,estimate any ranges whose entries have stamped_pose_traits (a Trajectory, pairs of seconds and a pose of
+///        yours, ...): strictly increasing stamps, finite poses
+template <class Truth = Trajectory, class Estimate = Trajectory>
+[[nodiscard]] RpeResult rpe(const Truth& groundtruth, const Estimate& estimate, const RpeOptions& options = {}) {
+  check_stamped_pose<detail::range_value_t<Truth>>();
+  check_stamped_pose<detail::range_value_t<Estimate>>();
+  Trajectory truth_buffer;
+  Trajectory estimate_buffer;
+  return detail::rpe_of(as_trajectory(groundtruth, truth_buffer), as_trajectory(estimate, estimate_buffer), options);
 }
 
 APSO_NAMESPACE_END

@@ -5,15 +5,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <optional>
+#include <iterator>
 #include <string>
+#include <type_traits>
 #include <vector>
-
-#include <Eigen/Core>
-#include <Eigen/Geometry>
 
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/traits/pose.hpp>
+#include <apso/traits/ranges.hpp>
+#include <apso/traits/stamped_pose.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -21,6 +22,12 @@ APSO_NAMESPACE_BEGIN
 struct StampedPose {
   double timestamp = 0;                  ///< [s]
   Pose T_world_body = Pose::Identity();  ///< maps points of the body into the world [m]
+};
+
+template <>
+struct stamped_pose_traits<StampedPose> {
+  static double timestamp(const StampedPose& p) { return p.timestamp; }
+  static const Pose& pose(const StampedPose& p) { return p.T_world_body; }
 };
 
 /// Poses with strictly increasing timestamps.
@@ -64,11 +71,57 @@ struct Statistics {
   return s;
 }
 
-/// Timestamps of a trajectory [s].
-[[nodiscard]] inline std::vector<double> timestamps(const Trajectory& trajectory) {
+/// Your trajectory as apso's.
+/// \param range entries with stamped_pose_traits, e.g. pairs of seconds and a pose of yours
+template <class Range>
+[[nodiscard]] Trajectory trajectory(const Range& range) {
+  using Entry = detail::range_value_t<Range>;
+  check_stamped_pose<Entry>();
+  Trajectory out;
+  for (const auto& entry : range) {
+    out.push_back({stamped_pose_traits<Entry>::timestamp(entry), to_pose(stamped_pose_traits<Entry>::pose(entry))});
+  }
+  return out;
+}
+/// Your stamps [s] and your poses as a trajectory. Throws contract_error when they are not equally many.
+template <class Stamps, class Poses>
+[[nodiscard]] Trajectory trajectory(const Stamps& stamps, const Poses& poses) {
+  check_pose<detail::range_value_t<Poses>>();
+  Trajectory out;
+  auto pose = std::begin(poses);
+  for (const auto& stamp : stamps) {
+    expects(pose != std::end(poses), "trajectory: there are more stamps than poses");
+    out.push_back({static_cast<double>(stamp), to_pose(*pose)});
+    ++pose;
+  }
+  expects(pose == std::end(poses), "trajectory: there are more poses than stamps");
+  return out;
+}
+/// Your trajectory as apso's: itself when it is one, else a copy in `buffer`.
+template <class Range>
+[[nodiscard]] const Trajectory& as_trajectory(const Range& range, Trajectory& buffer) {
+  if constexpr (std::is_same_v<Range, Trajectory>) {
+    (void)buffer;
+    return range;
+  } else {
+    buffer = trajectory(range);
+    return buffer;
+  }
+}
+
+/// Stamps [s] of a range: of numbers, or of entries of a trajectory.
+template <class Range>
+[[nodiscard]] std::vector<double> timestamps(const Range& range) {
+  using Entry = detail::range_value_t<Range>;
   std::vector<double> stamps;
-  stamps.reserve(trajectory.size());
-  for (const StampedPose& p : trajectory) stamps.push_back(p.timestamp);
+  for (const auto& entry : range) {
+    if constexpr (std::is_arithmetic_v<Entry>) {
+      stamps.push_back(static_cast<double>(entry));
+    } else {
+      check_stamped_pose<Entry>();
+      stamps.push_back(stamped_pose_traits<Entry>::timestamp(entry));
+    }
+  }
   return stamps;
 }
 
@@ -83,36 +136,6 @@ inline void validate(const Trajectory& trajectory, const std::string& name) {
       contract_violation(name + ": timestamps must be strictly increasing, broken at pose " + std::to_string(i));
     }
   }
-}
-
-/// Pose at time t: positions linearly, rotations by slerp between the two neighbours. A diagnostic: published
-/// numbers use the nearest stamp, and so do ate() and rpe().
-/// \param max_gap largest distance of the two neighbours [s]
-/// \return nothing outside the trajectory or inside a gap longer than max_gap
-[[nodiscard]] inline std::optional<Pose> interpolate(const Trajectory& trajectory, double t, double max_gap = 0.1) {
-  const auto after = std::lower_bound(trajectory.begin(), trajectory.end(), t,
-                                      [](const StampedPose& p, double stamp) { return p.timestamp < stamp; });
-  if (after == trajectory.end()) return std::nullopt;
-  if (after->timestamp == t) return after->T_world_body;
-  if (after == trajectory.begin()) return std::nullopt;
-  const StampedPose& p0 = *(after - 1);
-  const StampedPose& p1 = *after;
-  const double gap = p1.timestamp - p0.timestamp;
-  if (!(gap <= max_gap)) return std::nullopt;
-  const double s = (t - p0.timestamp) / gap;
-  const Eigen::Quaterniond q = unit(slerp(quaternion(p0.T_world_body), quaternion(p1.T_world_body), s));
-  return make_pose(rotation(q), plus(times(1.0 - s, translation(p0.T_world_body)), times(s, translation(p1.T_world_body))));
-}
-
-/// A trajectory interpolated at the stamps of another one; stamps that cannot be interpolated are left out.
-[[nodiscard]] inline Trajectory resample(const Trajectory& trajectory, const std::vector<double>& stamps,
-                                         double max_gap = 0.1) {
-  Trajectory out;
-  out.reserve(stamps.size());
-  for (const double t : stamps) {
-    if (const std::optional<Pose> T = interpolate(trajectory, t, max_gap)) out.push_back({t, *T});
-  }
-  return out;
 }
 
 APSO_NAMESPACE_END
