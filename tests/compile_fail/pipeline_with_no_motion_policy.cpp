@@ -1,10 +1,10 @@
-// expect: apso: a motion policy needs observe(frame, T_world_camera_prior, tracks, mask), remember(frame, T_world_camera, mask) and reset()
+// expect: apso: a motion policy needs `void remember(const apso::AnyFrame& frame, const apso::Pose& T_world_camera, const apso::DynamicMask& mask);`
 #include <apso/pipeline/pipeline.hpp>
 
 struct MyPolicy {
-  void observe(const apso::RgbdFrame&, const apso::Pose&, const std::vector<apso::PointTrack>&, apso::DynamicMask&) {}
+  void observe(const apso::AnyFrame&, const apso::Pose&, const std::vector<apso::PointTrack>&, apso::DynamicMask&) {}
 #ifdef CONTROL
-  void remember(const apso::RgbdFrame&, const apso::Pose&, const apso::DynamicMask&) {}
+  void remember(const apso::AnyFrame&, const apso::Pose&, const apso::DynamicMask&) {}
 #endif
   void reset() {}
 };

@@ -206,15 +206,17 @@ namespace {
 // A host's own policy: the left half moves.
 struct LeftHalf {
   std::array<int, 3>* calls;
-  void observe(const RgbdFrame& frame, const Pose&, const std::vector<PointTrack>&, DynamicMask& out) {
+  void observe(const AnyFrame& frame, const Pose&, const std::vector<PointTrack>&, DynamicMask& out) {
     ++(*calls)[0];
-    out.probability.assign(frame.depth.width, frame.depth.height, 0.0F);
-    out.known.assign(frame.depth.width, frame.depth.height, 1);
-    for (int y = 0; y < frame.depth.height; ++y) {
-      for (int x = 0; x < frame.depth.width / 2; ++x) out.probability(x, y) = 1;
+    const int w = frame.depth().width();
+    const int h = frame.depth().height();
+    out.probability.assign(w, h, 0.0F);
+    out.known.assign(w, h, 1);
+    for (int y = 0; y < h; ++y) {
+      for (int x = 0; x < w / 2; ++x) out.probability(x, y) = 1;
     }
   }
-  void remember(const RgbdFrame&, const Pose&, const DynamicMask&) { ++(*calls)[1]; }
+  void remember(const AnyFrame&, const Pose&, const DynamicMask&) { ++(*calls)[1]; }
   void reset() { ++(*calls)[2]; }
 };
 }  // namespace

@@ -72,10 +72,7 @@ using refinement_of_t = typename refinement_of<T>::type;
 
 /// Base of BasicPipeline, so that these checks come first in the compiler's output.
 template <class PoseT, class MotionT, class AssessorT, class RefinerT>
-struct RequirePipeline : private require_pose<PoseT> {
-  static_assert(is_motion_policy_v<MotionT>,
-                "apso: a motion policy needs observe(frame, T_world_camera_prior, tracks, mask), "
-                "remember(frame, T_world_camera, mask) and reset(); see apso/observation/motion_policy.hpp");
+struct RequirePipeline : private require_pose<PoseT>, private require_motion_policy<MotionT> {
   static_assert(is_assessor_v<AssessorT>,
                 "apso: an assessor needs assess(const AssessmentInput&), options() and reset(), and is made from "
                 "(camera, options); see apso/quality/assessor.hpp");
