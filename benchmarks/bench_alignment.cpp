@@ -28,7 +28,7 @@ void align(benchmark::State& state, int references, int finest, int max_pixels) 
   const Scene& s = scene();
   apso::PyramidOptions o;
   o.finest = finest;
-  o.selection.max_pixels = max_pixels;
+  o.max_pixels = max_pixels;
   apso::FramePyramid r, c;
   r.build(s.reference.view(), s.camera, {}, o, apso::PyramidRole::Reference);
   c.build(s.current.view(), s.camera, {}, o, apso::PyramidRole::Current);
@@ -46,7 +46,7 @@ void align(benchmark::State& state, int references, int finest, int max_pixels) 
 void blend(benchmark::State& state) {
   const apso::Pose a = apso::Pose::Identity();
   const apso::Pose b = scene().truth;
-  for (auto _ : state) benchmark::DoNotOptimize(apso::blend_poses(a, b, 0.4));
+  for (auto _ : state) benchmark::DoNotOptimize(apso::blend(a, b, 0.4));
 }
 
 }  // namespace

@@ -538,7 +538,7 @@ int main(int argc, char** argv) {
   apso::PyramidOptions half;
   apso::PyramidOptions full;
   full.finest = 0;
-  full.selection.max_pixels = 0;
+  full.max_pixels = 0;
   methods.push_back(std::make_unique<Apso>("apso, default (320x240)", "", half, apso::AlignmentOptions{}));
   methods.push_back(std::make_unique<Apso>("apso, dense (640x480)", "", full, apso::dense_alignment()));
   const auto wanted = [&](const char* s) { return std::find(without.begin(), without.end(), s) == without.end(); };

@@ -19,7 +19,7 @@ void show(const char* name, const apso::Pose& T) {
   std::printf("%-10s x %+.4f  y %+.4f  z %+.4f m   turned by %.3f deg\n", name, t.x(), t.y(), t.z(),
               kDegrees * apso::rotation_angle(T));
 }
-void show(const apso::PairAlignment& result) {
+void show(const apso::PairAlignment<>& result) {
   std::printf("%s after %d iterations, confidence %.2f\n", apso::to_string(result.status), result.detail.iterations,
               result.confidence);
   show("estimated", result.T_current_reference);

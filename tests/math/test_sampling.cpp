@@ -26,13 +26,3 @@ TEST_CASE("bilinear is exact on a bilinear function, value and derivative") {
   CHECK_FALSE(can_sample(image, 5.01, 1));
   CHECK_FALSE(can_sample(image, std::numeric_limits<double>::quiet_NaN(), 1));
 }
-
-TEST_CASE("depth is not interpolated over an edge or a hole") {
-  Image<float> depth(3, 3, 2.0F);
-  Sample s;
-  CHECK(bilinear_depth(depth, .5, .5, .05F, s));
-  depth(1, 1) = 2.2F;
-  CHECK_FALSE(bilinear_depth(depth, .5, .5, .05F, s));
-  depth(1, 1) = 0.0F;
-  CHECK_FALSE(bilinear_depth(depth, .5, .5, .05F, s));
-}

@@ -104,8 +104,7 @@ TEST_CASE("wrong poses before do not make the way back look too fast") {
 
 TEST_CASE("a jump that no camera makes is not believed") {
   PipelineOptions o = quick_start();
-  o.refiner.velocity_translation = 0.01;
-  o.refiner.velocity_factor = 0.01;
+  o.refiner.velocity_gate = 0.001;
   Host host("static_xyz", 0, o);
   for (int i = 0; i < 12; ++i) host.step(i);
   const FrameReport& r = host.step(12, Pose::Identity(), true, 0.0F);

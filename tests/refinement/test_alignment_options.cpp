@@ -69,7 +69,7 @@ PairOptions full_size() {
   o.pyramid.finest = 0;
   return o;
 }
-double error_of(const PairAlignment& a, const Pose& truth = kTruth) {
+double error_of(const PairAlignment<>& a, const Pose& truth = kTruth) {
   return room::translation_error(inverse(a.T_current_reference), truth);
 }
 }  // namespace
@@ -189,8 +189,18 @@ TEST_CASE("the way back must agree") {
   CHECK(a.confidence > .5);
   CHECK(a.backward_translation < .005);
   CHECK(a.backward_translation > 0);
-  o.backward_translation = 0;
-  CHECK(align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o).confidence == 0);
+  const auto confidence_after = [&](const Pose& T_off, Status status) {
+    PairAlignment<> forward = a;
+    AlignmentResult back;
+    back.status = status;
+    back.T_world_camera = compose(T_off, inverse(a.detail.T_world_camera));
+    detail::check_backward(back, forward);
+    return forward.confidence;
+  };
+  CHECK(confidence_after(room::pose(.015, 0, 0, 0, .8, 0), Status::Converged) == a.confidence);
+  CHECK(confidence_after(room::pose(.025, 0, 0, 0, 0, 0), Status::Converged) == 0);
+  CHECK(confidence_after(room::pose(0, 0, 0, 0, 1.2, 0), Status::Converged) == 0);
+  CHECK(confidence_after(Pose::Identity(), Status::NoOverlap) == 0);
 }
 
 TEST_CASE("nothing to see is never a success") {

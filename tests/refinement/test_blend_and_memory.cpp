@@ -19,18 +19,18 @@ TEST_CASE("weights of the blend match hand-computed values") {
 TEST_CASE("blend ends, invariance and the quarter turn") {
   const Pose Td = room::pose(.3, -.2, .5, 20, 30, -10);
   const Pose Tf = room::pose(.5, -.1, .6, 25, 10, -30);
-  CHECK((blend_poses(Tf, Td, 0.0).matrix().array() == Td.matrix().array()).all());
-  CHECK((blend_poses(Tf, Td, 1.0).matrix().array() == Tf.matrix().array()).all());
+  CHECK((blend(Tf, Td, 0.0).matrix().array() == Td.matrix().array()).all());
+  CHECK((blend(Tf, Td, 1.0).matrix().array() == Tf.matrix().array()).all());
   const Pose A = room::pose(1, 2, -3, 40, -50, 60);
   for (double w : {.1, .5, .8}) {
-    const Pose m = blend_poses(Tf, Td, w);
-    CHECK((blend_poses(A * Tf, A * Td, w).matrix() - (A * m).matrix()).norm() < 1e-12);
-    CHECK((blend_poses(Tf * A, Td * A, w).matrix() - (m * A).matrix()).norm() < 1e-12);
-    CHECK((blend_poses(inverse(Tf), inverse(Td), w).matrix() - inverse(m).matrix()).norm() < 1e-12);
+    const Pose m = blend(Tf, Td, w);
+    CHECK((blend(A * Tf, A * Td, w).matrix() - (A * m).matrix()).norm() < 1e-12);
+    CHECK((blend(Tf * A, Td * A, w).matrix() - (m * A).matrix()).norm() < 1e-12);
+    CHECK((blend(inverse(Tf), inverse(Td), w).matrix() - inverse(m).matrix()).norm() < 1e-12);
   }
   Pose quarter = room::pose(0, 0, 0, 0, 0, 90);
   quarter.translation() = Eigen::Vector3d(1, 0, 0);
-  const Pose half = blend_poses(quarter, Pose::Identity(), .5);
+  const Pose half = blend(quarter, Pose::Identity(), .5);
   CHECK(half.translation().x() == doctest::Approx(.5));
   CHECK(half.translation().y() == doctest::Approx(-.2071068).epsilon(1e-6));
   CHECK(rotation_angle(half) * 180 / 3.14159265358979 == doctest::Approx(45));
@@ -39,11 +39,11 @@ TEST_CASE("blend ends, invariance and the quarter turn") {
 TEST_CASE("without confidence the feature pose stays; two modes are not averaged") {
   const Pose Tf = room::pose(1, 0, 0, 0, 0, 0);
   const Pose Td = room::pose(0, 0, 0, 0, 0, 0);
-  CHECK((blend_poses(Tf, Td, Td, 1.0, 0.0).T_world_camera.matrix() - Tf.matrix()).norm() == 0);
-  const Blend b = blend_poses(Tf, Td, room::pose(.1, 0, 0, 0, 0, 0), 1.0, 1.0);
+  CHECK((blend(Tf, Td, Td, BlendEvidence{1.0, 0.0}).T_world_camera.matrix() - Tf.matrix()).norm() == 0);
+  const Blended<> b = blend(Tf, Td, room::pose(.1, 0, 0, 0, 0, 0), BlendEvidence{1.0, 1.0});
   CHECK(b.gated);
   CHECK((b.T_world_camera.matrix() - Td.matrix()).norm() == 0);
-  const Blend doubtful = blend_poses(Tf, Td, room::pose(.1, 0, 0, 0, 0, 0), 1.0, 0.4);
+  const Blended<> doubtful = blend(Tf, Td, room::pose(.1, 0, 0, 0, 0, 0), BlendEvidence{1.0, 0.4});
   CHECK(doubtful.gated);
   CHECK((doubtful.T_world_camera.matrix() - Tf.matrix()).norm() == 0);
 }
@@ -52,7 +52,7 @@ TEST_CASE("the feature pose fills what the images leave open") {
   Matrix6 information = Matrix6::Zero();
   information.diagonal() << 1e9, 1e9, 0, 1e9, 1e9, 1e9;
   const Pose Tf = room::pose(.1, .1, .1, 0, 0, 0);
-  const Pose T = blend_poses(Tf, Pose::Identity(), .3, BlendForm::InformationWeighted, information);
+  const Pose T = blend(Tf, Pose::Identity(), .3, detail::feature_information(1, 1), information);
   CHECK(T.translation().z() == doctest::Approx(.1).epsilon(1e-3));
   CHECK(std::abs(T.translation().x()) < 1e-4);
 }
@@ -63,9 +63,8 @@ TEST_CASE("the worse the features, the less their pose counts") {
   const Pose Tf = room::pose(.1, 0, 0, 0, 0, 0);
   double last = .1;
   for (const double S_feature : {1.0, .5, .2, .1, .02, 0.0, -1.0}) {
-    const double x = blend_poses(Tf, Pose::Identity(), .4, BlendForm::InformationWeighted, information, {}, S_feature)
-                         .translation()
-                         .x();
+    const BlendEvidence e{.4, 1, S_feature, information};  // w_diff = 0.45
+    const double x = blend(Tf, Pose(Pose::Identity()), Tf, e).T_world_camera.translation().x();
     CHECK(x <= last);
     CHECK(x >= 0);
     last = x;
@@ -76,10 +75,8 @@ TEST_CASE("the worse the features, the less their pose counts") {
 TEST_CASE("distance of a reference and its time decay") {
   Twist m = Twist::Zero();
   m(0) = .15;
-  MemoryOptions o;
-  CHECK(reference_distance(.05, m, o) == doctest::Approx(1.11803).epsilon(1e-5));
-  o.form = DistanceForm::Sum;
-  CHECK(reference_distance(.05, m, o) == doctest::Approx(1.5));
+  CHECK(reference_distance(.05, motion_distance(m)) == doctest::Approx(1.11803).epsilon(1e-5));
+  CHECK(reference_distance(.05, motion_distance(m), DistanceForm::Sum) == doctest::Approx(1.5));
   CHECK(time_decay(5, 5, .5) == 1.0);
   CHECK(time_decay(5, 4, .5) == doctest::Approx(.60653).epsilon(1e-5));
   CHECK(time_decay(5, 2, .5) == doctest::Approx(.22313).epsilon(1e-4));
@@ -88,7 +85,7 @@ TEST_CASE("distance of a reference and its time decay") {
 TEST_CASE("memory keeps the recent frames and selects the nearest") {
   const Pinhole cam = room::camera(160);
   const room::Frame f = room::render(cam, Pose::Identity());
-  const DepthDescriptor d = depth_descriptor(f.depth);
+  const FrameDescriptor d{depth_grid(f.depth), {}};
   MemoryOptions o;
   o.capacity = 3;
   ReferenceMemory memory(o);

@@ -217,10 +217,10 @@ TEST_CASE("the refiner pulls a wrong feature pose to the truth, and keeps its ha
   CHECK(r.c_dir > .5);
   CHECK(room::translation_error(r.T_world_direct, truth) < .003);
   CHECK(room::translation_error(r.T_world_camera, truth) < .5 * room::translation_error(in.T_world_feature, truth));
-  in.dynamic_ratio = .5;
+  in.highly_dynamic = true;
   CHECK(refiner.refine(in).status == Status::NoMask);
   CHECK((refiner.refine(in).T_world_camera.matrix() - in.T_world_feature.matrix()).norm() == 0);
-  in.dynamic_ratio = 0;
+  in.highly_dynamic = false;
   in.feature_ok = false;
   CHECK(refiner.refine(in).w_eff == 0);
 }

@@ -113,7 +113,7 @@ TEST_CASE("two bodies that fill 60 % of the view, without a mask: most pairs are
 TEST_CASE("frames that are mostly masked are aligned one level finer, where all of them are") {
   const Pinhole camera = room::camera(640);
   PyramidOptions usual;
-  usual.finer_masked = 1;
+  usual.finer_level_mask_share = 1;
   const auto align = [&](const room::Frame& r, const room::Frame& c, const PyramidOptions& o) {
     FramePyramid reference, current;
     reference.build(r.view(), camera, r.probability.view(), o, PyramidRole::Reference);

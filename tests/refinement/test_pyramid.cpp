@@ -45,8 +45,8 @@ TEST_CASE("gradients of white noise are as large as gradient_noise says") {
   for (const int finest : {0, 1, 2}) {
     PyramidOptions o;
     o.finest = finest;
-    o.selection.max_pixels = o.selection.max_coarse_pixels = 0;
-    o.selection.image_noise = 0;  // keep all
+    o.max_pixels = o.max_coarse_pixels = 0;
+    o.sensor_noise = 0;  // keep all
     FramePyramid p;
     p.build(f.view(), cam, {}, o);
     for (int l = 0; l < 4; ++l) {
@@ -107,16 +107,16 @@ TEST_CASE("a frame that is mostly masked has a level more, and no fewer pixels t
   CHECK(p.size() == whole.size());
   p.build(f.view(), cam, mask(400), o);
   CHECK(p.finest() == 0);
-  CHECK(p.usual_finest() == 1);
+  CHECK(p.nominal_finest() == 1);
   REQUIRE(p.size() == whole.size() + 1);
   CHECK(p.level(0).camera.width == 640);
   CHECK(p.level(1).camera.width == 320);
   CHECK(p.level(0).pixels.count > 20000);  // one of 2 x 2, as at the usual finest level
   CHECK(p.level(0).texture.size() == 2 * 640 * 480);
-  o.finer_masked = 1;
+  o.finer_level_mask_share = 1;
   p.build(f.view(), cam, f.probability.view(), o);
   CHECK(p.finest() == 1);
-  o.finer_masked = 0;
+  o.finer_level_mask_share = 0;
   o.finest = 0;  // there is none finer
   p.build(f.view(), cam, f.probability.view(), o);
   CHECK(p.finest() == 0);
@@ -134,9 +134,9 @@ TEST_CASE("what is masked does not mix into what is not, at any level") {
   }
   PyramidOptions o;
   o.finest = 0;
-  o.selection.image_noise = 0;
+  o.sensor_noise = 0;
   FramePyramid p;
-  p.build(f.view(), cam, {probability.data(), cam.width, cam.height, cam.width}, o);
+  p.build(f.view(), cam, ImageView<const float>(probability.data(), cam.width, cam.height), o);
   CHECK(p.masked());
   for (int l = 0; l < p.size(); ++l) {
     int n = 0;
@@ -161,8 +161,8 @@ TEST_CASE("behind an edge and beside a hole the intensity is not compared; on th
   PyramidOptions o;
   o.finest = 0;
   o.levels = 1;
-  o.selection.max_pixels = 0;
-  o.selection.image_noise = 0;
+  o.max_pixels = 0;
+  o.sensor_noise = 0;
   FramePyramid p;
   p.build(f.view(), cam, {}, o);
   int seen[3] = {0, 0, 0};

@@ -33,7 +33,7 @@ PyramidOptions one_level() {
   PyramidOptions o;
   o.finest = 0;
   o.levels = 1;
-  o.selection.image_noise = o.selection.depth_noise = 0;  // exact images: any gradient is one
+  o.sensor_noise = 0;  // exact images: any gradient is one
   return o;
 }
 double lane(const Lanes& l, int i) { return static_cast<double>(l[i]); }
@@ -122,7 +122,7 @@ TEST_CASE("with esm, the mean of the gradients of both images is used, turned in
 TEST_CASE("the fused pass sums what a plain loop in double sums, for every kernel and both noise models") {
   const Pinhole cam = room::camera(160);
   PyramidOptions po = one_level();
-  po.selection.max_pixels = 3000;
+  po.max_pixels = 3000;
   FramePyramid reference, current;
   const room::Frame r = room::render(cam, Pose::Identity(), {}, 1);
   const room::Frame c = room::render(cam, room::pose(.01, 0, .01, .3, .4, 0), {true, -.3, .4, 1.4}, 2);

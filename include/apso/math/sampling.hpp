@@ -36,24 +36,4 @@ struct Sample {
   return {upper + b * (lower - upper), top + b * (bottom - top), lower - upper};
 }
 
-/// True when a depth value may be interpolated from its four neighbours: all are valid (> 0) and they differ by no
-/// more than `spread` of the smallest, i.e. they lie on one surface.
-[[nodiscard]] inline bool one_surface(float z00, float z10, float z01, float z11, float spread) {
-  const float low = std::min(std::min(z00, z10), std::min(z01, z11));
-  const float high = std::max(std::max(z00, z10), std::max(z01, z11));
-  return low > 0.0F && high - low <= spread * low;
-}
-
-/// Bilinear depth at (u,v), or false when the four neighbours are not on one surface.
-/// \param spread largest relative difference of the four neighbours
-[[nodiscard]] inline bool bilinear_depth(const ImageView<const float>& depth, double u, double v, float spread,
-                                         Sample& out) {
-  if (!can_sample(depth, u, v)) return false;
-  const int x = std::min(static_cast<int>(u), depth.width - 2);
-  const int y = std::min(static_cast<int>(v), depth.height - 2);
-  if (!one_surface(depth(x, y), depth(x + 1, y), depth(x, y + 1), depth(x + 1, y + 1), spread)) return false;
-  out = bilinear(depth, u, v);
-  return true;
-}
-
 APSO_NAMESPACE_END

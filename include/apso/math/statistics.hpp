@@ -27,6 +27,8 @@ class RunningMedian {
   /// \param window how many values are remembered, > 0
   explicit RunningMedian(int window) : window_(static_cast<std::size_t>(window)) {
     expects(window > 0, "RunningMedian: the window must be > 0");
+    values_.reserve(window_);  // so that later calls allocate nothing
+    scratch_.reserve(window_);
   }
   void add(double value) {
     if (!std::isfinite(value)) return;

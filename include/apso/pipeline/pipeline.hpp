@@ -180,6 +180,7 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   Pose T_world_feature_ = Pose::Identity();
   Pose T_world_predicted_ = Pose::Identity();
   bool feature_ok_ = false;
+  FlowGrid flow_;
   Report report_;
   Pose T_world_previous_ = Pose::Identity();
   bool has_previous_ = false;

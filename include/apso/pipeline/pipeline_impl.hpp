@@ -98,6 +98,7 @@ auto BasicPipeline<P, M, A, R>::assess(const Keypoints& keypoints, const Tracks&
   input.dynamic_probability = observation_.mask.probability;
   if (const auto* given = detail::given(keypoints)) input.keypoints = &as_keypoints(*given, keypoints_);
   if (const auto* given = detail::given(tracks)) input.tracks = &as_tracks(*given, tracks_);
+  flow_ = input.tracks != nullptr ? flow_grid(*input.tracks, camera_.width, camera_.height) : FlowGrid{};
   input.objects = &observation_.objects;
   input.dynamic_ratio = observation_.dynamic_ratio;
   input.feature_tracking_ok = feature_ok_;
@@ -122,7 +123,8 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     input.frame = work_.frame();
     input.dynamic_probability = observation_.mask.probability;
     input.mask_informative = observation_.informative;
-    input.dynamic_ratio = observation_.dynamic_ratio;
+    input.highly_dynamic = report_.assessment.scenario_dynamic;
+    input.flow = flow_;
     input.T_world_feature = T_world_feature_;
     input.feature_ok = feature_ok_;
     input.T_world_predicted = T_world_predicted_;
@@ -131,8 +133,10 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     input.S_change = change ? change->value() : 1.0;
     const MaybeQuality& feature = report_.assessment.S_feature;
     input.S_feature = feature ? feature->value() : 1.0;
+    const MaybeQuality& final_score = report_.assessment.S_final;
+    if (final_score) input.below_threshold = report_.assessment.th_differ - final_score->value();
     report_.refinement = refiner_.refine(input, executor);
-    report_.refined = succeeded(report_.refinement.status) && report_.refinement.c_dir > 0;
+    report_.refined = report_.refinement.refined;
     if (report_.refined) T_world_camera = report_.refinement.T_world_camera;
   }
   // Without features and without a trusted direct pose nothing was measured: the pose is a guess.
@@ -145,7 +149,7 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     motion_.remember(work_.frame(), T_world_camera, observation_.mask);
   }
   if (report_.keyframe_allowed && options_.refinement) {
-    refiner_.remember(work_.frame(), observation_.mask.probability, T_world_camera, executor);
+    refiner_.remember(work_.frame(), observation_.mask.probability, T_world_camera, executor, flow_);
   }
   T_world_previous_ = T_world_camera;
   has_previous_ = true;

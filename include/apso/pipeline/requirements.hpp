@@ -6,9 +6,11 @@
 #include <utility>
 
 #include <apso/config.hpp>
+#include <apso/executor.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/observation/motion_policy.hpp>
 #include <apso/quality/assessor.hpp>
+#include <apso/refinement/frame_descriptor.hpp>
 #include <apso/traits/detail.hpp>
 #include <apso/traits/pose.hpp>
 #include <apso/types/pinhole.hpp>
@@ -26,7 +28,7 @@ template <class T>
 using refine_call_t = decltype(std::declval<T&>().refine(std::declval<const typename T::Input&>()));
 template <class T>
 using remember_call_t = decltype(std::declval<T&>().remember(std::declval<const RgbdFrame&>(), std::declval<ImageView<const float>>(),
-                                                             std::declval<const Pose&>()));
+                                                             std::declval<const Pose&>(), SerialExecutor(), FlowGrid()));
 
 template <class T, class = void>
 struct options_of {
@@ -78,7 +80,7 @@ struct RequirePipeline : private require_pose<PoseT>, private require_motion_pol
                 "(camera, options); see apso/quality/assessor.hpp");
   static_assert(is_refiner_v<RefinerT>,
                 "apso: a refiner needs a type Input, refine(const Input&), remember(frame, dynamic_probability, "
-                "T_world_camera), options() and reset(), and is made from (camera, options); see apso/refinement/refiner.hpp");
+                "T_world_camera, executor, flow), options() and reset(), and is made from (camera, options); see apso/refinement/refiner.hpp");
 };
 
 /// A motion policy in its default setting.

@@ -1,11 +1,14 @@
 /// \file
-/// Blending the feature pose T_f and the direct pose T_d, the paper's eq. (Optimized pose). The sum of two matrices
-/// that the paper prints is not a rigid motion; here the poses are joined along the screw between them.
+/// Blending the feature pose and the direct pose, the paper's eq. (17), for poses of any type: what comes in comes out.
+///
+/// The sum of two pose matrices that the paper prints cannot be computed as a pose: it is not a rigid motion (determinant of
+/// its rotation 0.99 at 10 degrees, 0.5 at 90). Here the poses are joined along the screw between them.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Core>
 
@@ -14,6 +17,8 @@
 #include <apso/math/se3.hpp>
 #include <apso/math/symmetric.hpp>
 #include <apso/options.hpp>
+#include <apso/refinement/motion_distance.hpp>
+#include <apso/traits/pose.hpp>
 #include <apso/types/score.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -25,29 +30,35 @@ enum class BlendForm {
 };
 constexpr std::array<const char*, 3> enum_names(BlendForm) { return {"screw_linear", "decoupled", "information_weighted"}; }
 
+enum class BlendWeight {
+  Confidence,  ///< w = 1 - c_dir (1 - w_diff): the direct pose counts as far as it can be trusted
+  Printed,     ///< w = w_diff, as the paper prints: a failed direct pose counts like a good one, and poses that are far
+               ///< apart are averaged
+};
+constexpr std::array<const char*, 2> enum_names(BlendWeight) { return {"confidence", "printed"}; }
+
 struct BlendOptions {
-  double mu = 2.0;                ///< how fast the weight of the feature pose falls with the change score
-  BlendForm form = BlendForm::InformationWeighted;
-  double gate_translation = 0.30; ///< poses farther apart are not blended: the direct one is taken if it is trusted
-                                  ///< (c_dir > 0.5) and nearer to the prediction, else the feature pose [m]
-  double gate_rotation = 20 * kDegree;  ///< the same for the rotation [rad]
-  double sigma_translation = 0.15;                               ///< unit of distance to the prediction [m]
-  double sigma_rotation = 10 * kDegree; ///< [rad]
-  double feature_sigma_translation = 0.005; ///< of the feature pose when S_feature is 1, for InformationWeighted; it
-                                            ///< grows with 1 / S_feature [m]
-  double feature_sigma_rotation = 0.0025;   ///< the same for the rotation [rad]
+  double mu = 2.0;                                   ///< of w_diff = exp(-mu S_change); the paper gives no value
+  BlendForm form = BlendForm::InformationWeighted;   ///< docs/quality.md has the ablation
+  BlendWeight weight = BlendWeight::Confidence;
+  double transition = 0;  ///< S_final below th_differ over which the direct pose gains its weight, so that the output does
+                          ///< not jump where GOOD becomes BAD; typical 0.05; 0 = at once, as the paper has it
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("mu", s.mu, 0.0, 100.0);
     v("form", s.form);
-    v("gate_translation", s.gate_translation, 0.0, 1e6);
-    v("gate_rotation", s.gate_rotation, 0.0, 4.0);
-    v("sigma_translation", s.sigma_translation, 1e-9, 1e6);
-    v("sigma_rotation", s.sigma_rotation, 1e-9, 1e6);
-    v("feature_sigma_translation", s.feature_sigma_translation, 1e-9, 1e6);
-    v("feature_sigma_rotation", s.feature_sigma_rotation, 1e-9, 1e6);
+    v("weight", s.weight);
+    v("transition", s.transition, 0.0, 1.0);
   }
 };
+
+/// Poses farther apart than two units of motion_distance() are two answers, not one with noise: they are not averaged.
+inline constexpr double kBlendGateTranslation = 2 * kMotionSigmaTranslation;  ///< [m]
+inline constexpr double kBlendGateRotation = 2 * kMotionSigmaRotation;        ///< [rad]
+/// Standard deviation of a feature pose when S_feature is 1, as apso_track reaches on static recordings; it grows with
+/// 1 / S_feature.
+inline constexpr double kFeatureSigmaTranslation = 0.005;    ///< [m]
+inline constexpr double kFeatureSigmaRotation = 0.0025;      ///< [rad]
 
 /// Weight of the feature pose, w_diff = exp(-mu S_change), in [exp(-mu), 1].
 [[nodiscard]] inline double difference_weight(double S_change, double mu) { return std::exp(-mu * clamp01(S_change)); }
@@ -57,72 +68,124 @@ struct BlendOptions {
   return 1.0 - clamp01(c_dir) * (1.0 - clamp01(w_diff));
 }
 
-/// Distance of two poses in units of (sigma_translation, sigma_rotation).
-[[nodiscard]] inline double motion_distance(const Pose& a, const Pose& b, double sigma_translation, double sigma_rotation) {
-  const Twist xi = se3_log(compose(inverse(a), b));
-  const double t = translation_norm(xi) / sigma_translation;
-  const double r = rotation_norm(xi) / sigma_rotation;
-  return std::sqrt(t * t + r * r);
+namespace detail {
+[[nodiscard]] inline Pose blend_poses(const Pose& T_feature, const Pose& T_direct, double w, BlendForm form) {
+  expects(form != BlendForm::InformationWeighted, "blend: InformationWeighted needs the information of both poses");
+  if (form == BlendForm::ScrewLinear) return sclerp(T_direct, T_feature, w);
+  return make_pose(rotation(slerp(quaternion(T_direct), quaternion(T_feature), w)),
+                   plus(times(1 - w, translation(T_direct)), times(w, translation(T_feature))));
 }
 
-/// Blend of two poses; w = 1 gives T_feature and w = 0 gives T_direct, bit by bit.
-/// \param direct_information of the increment (v, w) in the camera frame; used by InformationWeighted only
-/// \param S_feature quality of the features, (0,1]; used by InformationWeighted only
-[[nodiscard]] inline Pose blend_poses(const Pose& T_feature, const Pose& T_direct, double w,
-                                      BlendForm form = BlendForm::ScrewLinear,
-                                      const Matrix6& direct_information = zeros<Matrix6>(), const BlendOptions& o = {},
-                                      double S_feature = 1) {
-  if (w >= 1) return T_feature;
-  if (!(w > 0)) return T_direct;
-  if (form == BlendForm::ScrewLinear) return sclerp(T_direct, T_feature, w);
-  if (form == BlendForm::Decoupled) {
-    return make_pose(rotation(slerp(quaternion(T_direct), quaternion(T_feature), w)),
-                     plus(times(1 - w, translation(T_direct)), times(w, translation(T_feature))));
-  }
+// The maximum of two Gaussians around the poses. `feature` and `direct` are their information, with their weights.
+[[nodiscard]] inline Pose join_by_information(const Pose& T_feature, const Pose& T_direct, double w, const Matrix6& feature,
+                                              const Matrix6& direct) {
   // T_f = T_d Exp(xi); the increment d = -xi of T_c_w from the left has the given information, hence so has xi.
-  const double quality = std::max(0.01, clamp01(S_feature));
   const Twist xi = se3_log(compose(inverse(T_direct), T_feature));
-  Matrix6 A = times(1 - w, direct_information);
-  Twist right;
+  Matrix6 A;
+  Twist right = zeros<Twist>();
   for (int i = 0; i < 6; ++i) {
-    const double sigma = (i < 3 ? o.feature_sigma_translation : o.feature_sigma_rotation) / quality;
-    const double information = w / (sigma * sigma);
-    A(i, i) += information;
-    right(i) = information * xi(i);
+    for (int k = 0; k < 6; ++k) {
+      A(i, k) = feature(i, k) + direct(i, k);
+      right(i) += feature(i, k) * xi(k);
+    }
   }
   const Twist step = solve_symmetric(A, right);
   return all_finite(step) ? compose(T_direct, se3_exp(step)) : sclerp(T_direct, T_feature, w);
 }
 
-struct Blend {
-  Pose T_world_camera = Pose::Identity();
+// Information of a feature pose, from how good its features are.
+[[nodiscard]] inline Matrix6 feature_information(double S_feature, double w) {
+  const double quality = std::max(0.01, clamp01(S_feature));
+  Matrix6 information = zeros<Matrix6>();
+  for (int i = 0; i < 6; ++i) {
+    const double sigma = (i < 3 ? kFeatureSigmaTranslation : kFeatureSigmaRotation) / quality;
+    information(i, i) = w / (sigma * sigma);
+  }
+  return information;
+}
+}  // namespace detail
+
+/// Blend of two poses; w = 1 gives T_feature and w = 0 gives T_direct, bit by bit.
+/// \param form ScrewLinear or Decoupled
+template <class PoseT>
+[[nodiscard]] PoseT blend(const PoseT& T_feature, const PoseT& T_direct, double w, BlendForm form = BlendForm::ScrewLinear) {
+  check_pose<PoseT>();
+  if (w >= 1) return T_feature;
+  if (!(w > 0)) return T_direct;
+  return from_pose<PoseT>(detail::blend_poses(to_pose(T_feature), to_pose(T_direct), w, form));
+}
+
+/// Blend of two poses T_world_camera by their information: xi = Log(T_d^-1 T_f), step = (w F + (1 - w) D)^-1 w F xi,
+/// T = T_d Exp(step).
+/// \param feature_information,direct_information F and D, of increments (v, w) in the camera frame [1/m^2, 1/rad^2]; 0 in
+///        directions about which a pose knows nothing
+template <class PoseT>
+[[nodiscard]] PoseT blend(const PoseT& T_feature, const PoseT& T_direct, double w, const Matrix6& feature_information,
+                          const Matrix6& direct_information) {
+  check_pose<PoseT>();
+  if (w >= 1) return T_feature;
+  if (!(w > 0)) return T_direct;
+  return from_pose<PoseT>(detail::join_by_information(to_pose(T_feature), to_pose(T_direct), w, times(w, feature_information),
+                                                      times(1 - w, direct_information)));
+}
+
+/// What is known of two poses besides themselves.
+struct BlendEvidence {
+  double S_change = 0;   ///< change score, [0,1]
+  double c_dir = 1;      ///< confidence in the direct pose, [0,1]
+  double S_feature = 1;  ///< quality of the features, [0,1]; used by InformationWeighted only
+  Matrix6 direct_information = zeros<Matrix6>();  ///< of the increment (v, w) in the camera frame; for the same
+  double below_threshold = std::numeric_limits<double>::infinity();  ///< th_differ - S_final; for BlendOptions::transition
+};
+
+template <class PoseT = Pose>
+struct Blended {
+  PoseT T_world_camera = from_pose<PoseT>(Pose::Identity());
   double w_diff = 1;   ///< weight of the feature pose from the change score
   double w_eff = 1;    ///< weight used
   bool gated = false;  ///< the poses were too far apart to be blended
 };
 
-/// Weights, gate and blend in one. With c_dir = 0 the result is the feature pose.
-/// \param T_predicted motion prediction, decides between poses that are too far apart
-[[nodiscard]] inline Blend blend_poses(const Pose& T_feature, const Pose& T_direct, const Pose& T_predicted,
-                                       double S_change, double c_dir, const BlendOptions& o = {},
-                                       const Matrix6& direct_information = zeros<Matrix6>(), double S_feature = 1) {
-  Blend b;
-  b.w_diff = difference_weight(S_change, o.mu);
-  b.w_eff = effective_weight(b.w_diff, c_dir);
+namespace detail {
+[[nodiscard]] inline Blended<Pose> blend_judged(const Pose& T_feature, const Pose& T_direct, const Pose& T_predicted,
+                                                const BlendEvidence& e, const BlendOptions& o) {
+  Blended<Pose> b;
+  b.w_diff = difference_weight(e.S_change, o.mu);
+  b.w_eff = o.weight == BlendWeight::Printed ? b.w_diff : effective_weight(b.w_diff, e.c_dir);
+  if (o.transition > 0) {
+    const double g = clamp01(e.below_threshold / o.transition);
+    b.w_eff = 1 - g * g * (3 - 2 * g) * (1 - b.w_eff);
+  }
   b.T_world_camera = T_feature;
   if (b.w_eff >= 1) return b;
   const Twist xi = se3_log(compose(inverse(T_direct), T_feature));
-  if (translation_norm(xi) > o.gate_translation || rotation_norm(xi) > o.gate_rotation) {
-    b.gated = true;
-    const bool direct = c_dir > 0.5 &&
-                        motion_distance(T_direct, T_predicted, o.sigma_translation, o.sigma_rotation) <
-                        motion_distance(T_feature, T_predicted, o.sigma_translation, o.sigma_rotation);
+  b.gated = o.weight != BlendWeight::Printed &&
+            (translation_norm(xi) > kBlendGateTranslation || rotation_norm(xi) > kBlendGateRotation);
+  if (b.gated) {
+    const bool direct = e.c_dir > 0.5 && motion_distance(T_direct, T_predicted) < motion_distance(T_feature, T_predicted);
     b.w_eff = direct ? 0.0 : 1.0;
     b.T_world_camera = direct ? T_direct : T_feature;
-    return b;
+  } else if (!(b.w_eff > 0)) {
+    b.T_world_camera = T_direct;
+  } else if (o.form == BlendForm::InformationWeighted) {
+    b.T_world_camera = join_by_information(T_feature, T_direct, b.w_eff, feature_information(e.S_feature, b.w_eff),
+                                           times(1 - b.w_eff, e.direct_information));
+  } else {
+    b.T_world_camera = blend_poses(T_feature, T_direct, b.w_eff, o.form);
   }
-  b.T_world_camera = blend_poses(T_feature, T_direct, b.w_eff, o.form, direct_information, o, S_feature);
   return b;
+}
+}  // namespace detail
+
+/// Weights, gate and blend in one. With c_dir = 0 the result is the feature pose. Of two poses that are too far apart the
+/// direct one is taken if it is trusted (c_dir > 0.5) and nearer to the prediction, else the feature pose.
+/// \param T_predicted motion prediction, decides between poses that are too far apart
+template <class PoseT>
+[[nodiscard]] Blended<PoseT> blend(const PoseT& T_feature, const PoseT& T_direct, const PoseT& T_predicted,
+                                   const BlendEvidence& evidence, const BlendOptions& options = {}) {
+  check_pose<PoseT>();
+  const Blended<Pose> b = detail::blend_judged(to_pose(T_feature), to_pose(T_direct), to_pose(T_predicted), evidence, options);
+  return {b.w_eff >= 1 ? T_feature : (b.w_eff > 0 ? from_pose<PoseT>(b.T_world_camera) : T_direct), b.w_diff, b.w_eff, b.gated};
 }
 
 APSO_NAMESPACE_END

@@ -11,7 +11,8 @@
 /// observe(apso::frame(t, my_grey, my_depth, my_camera), my_pose, my_tracks);
 /// \endcode
 ///
-/// These types refer to what the caller passed. They are made for parameters and must not be kept after the call.
+/// These types refer to what the caller passed: they are made for parameters and must not be kept after the call. Of views
+/// they refer to the pixels.
 #pragma once
 
 #include <cstddef>
@@ -27,23 +28,45 @@
 #include <apso/traits/ranges.hpp>
 #include <apso/traits/rows.hpp>
 #include <apso/types/frame.hpp>
+#include <apso/types/image_view.hpp>
+#include <apso/types/pinhole.hpp>
 
 APSO_NAMESPACE_BEGIN
 
 namespace detail {
+/// An image whose type is forgotten: the address of the image, or of the pixels of a view, which is then made anew to be
+/// read, so that it need not outlive the call that it was passed to.
+struct ImageAddress {
+  const void* address = nullptr;
+  int width = 0;
+  int height = 0;
+  std::ptrdiff_t stride = 0;  // of a view [px]
+};
+template <class ImageT>
+struct ImageAt {
+  static ImageAddress address(const ImageT& image) {
+    return {&image, image_traits<ImageT>::width(image), image_traits<ImageT>::height(image), 0};
+  }
+  static const ImageT& image(const ImageAddress& a) { return *static_cast<const ImageT*>(a.address); }
+};
+template <class T>
+struct ImageAt<ImageView<T>> {
+  static ImageAddress address(const ImageView<T>& view) { return {view.data, view.width, view.height, view.stride}; }
+  static ImageView<const T> image(const ImageAddress& a) {
+    return {static_cast<const T*>(a.address), a.width, a.height, a.stride};
+  }
+};
 /// How the pixels of one image type are reached.
 struct ImageAccess {
-  const float* (*row_in_place)(const void* image, int y);
-  void (*read_row)(const void* image, int y, float* out, float unit);
-  float (*pixel)(const void* image, int x, int y);
+  const float* (*row_in_place)(const ImageAddress& image, int y);
+  void (*read_row)(const ImageAddress& image, int y, float* out, float unit);
+  float (*pixel)(const ImageAddress& image, int x, int y);
 };
 template <class ImageT>
 struct AccessTo {
-  static const float* in_place(const void* image, int y) { return row_in_place(*static_cast<const ImageT*>(image), y); }
-  static void read(const void* image, int y, float* out, float unit) {
-    read_row(*static_cast<const ImageT*>(image), y, out, unit);
-  }
-  static float at(const void* image, int x, int y) { return pixel(*static_cast<const ImageT*>(image), x, y); }
+  static const float* in_place(const ImageAddress& a, int y) { return row_in_place(ImageAt<ImageT>::image(a), y); }
+  static void read(const ImageAddress& a, int y, float* out, float unit) { read_row(ImageAt<ImageT>::image(a), y, out, unit); }
+  static float at(const ImageAddress& a, int x, int y) { return pixel(ImageAt<ImageT>::image(a), x, y); }
   static constexpr ImageAccess value{&in_place, &read, &at};
 };
 }  // namespace detail
@@ -55,13 +78,10 @@ class AnyImage {
   AnyImage(None) {}                 // NOLINT: `none` says that there is no image
   template <class ImageT>
   AnyImage(const ImageT& image)     // NOLINT: made to be a parameter
-      : image_((check_image<ImageT>(), &image)),
-        access_(&detail::AccessTo<ImageT>::value),
-        width_(image_traits<ImageT>::width(image)),
-        height_(image_traits<ImageT>::height(image)) {}
-  [[nodiscard]] bool empty() const { return width_ <= 0 || height_ <= 0; }
-  [[nodiscard]] int width() const { return width_; }    ///< [px]
-  [[nodiscard]] int height() const { return height_; }  ///< [px]
+      : image_((check_image<ImageT>(), detail::ImageAt<ImageT>::address(image))), access_(&detail::AccessTo<ImageT>::value) {}
+  [[nodiscard]] bool empty() const { return image_.width <= 0 || image_.height <= 0; }
+  [[nodiscard]] int width() const { return image_.width; }    ///< [px]
+  [[nodiscard]] int height() const { return image_.height; }  ///< [px]
   /// Row y where it lies in memory as contiguous floats; null where it has to be converted.
   [[nodiscard]] const float* row_in_place(int y) const { return access_->row_in_place(image_, y); }
   /// Row y times `unit`, into `out`.
@@ -69,10 +89,8 @@ class AnyImage {
   [[nodiscard]] float at(int x, int y) const { return access_->pixel(image_, x, y); }
 
  private:
-  const void* image_ = nullptr;
+  detail::ImageAddress image_;
   const detail::ImageAccess* access_ = nullptr;
-  int width_ = 0;
-  int height_ = 0;
 };
 namespace detail {
 template <>
@@ -92,11 +110,18 @@ inline void read_row(const AnyImage& image, int y, float* out, float unit = 1) {
 /// Any frame: an RgbdFrame, or a frame of your images made by frame().
 class AnyFrame {
  public:
+  AnyFrame() = default;  ///< no frame: its images are empty
+  AnyFrame(double timestamp_, const AnyImage& intensity, const AnyImage& depth)
+      : timestamp(timestamp_), intensity_(intensity), depth_(depth) {}
   AnyFrame(const RgbdFrame& frame)  // NOLINT: made to be a parameter
       : timestamp(frame.timestamp), colour(frame.colour), intensity_(frame.intensity), depth_(frame.depth) {}
   template <class HeldIntensity, class HeldDepth>
   AnyFrame(const Frame<HeldIntensity, HeldDepth>& frame)  // NOLINT: made to be a parameter
-      : timestamp(frame.timestamp), colour(frame.colour), intensity_(frame.intensity()), depth_(frame.depth()) {}
+      : timestamp(frame.timestamp),
+        colour(frame.colour),
+        camera(frame.camera),
+        intensity_(frame.intensity()),
+        depth_(frame.depth()) {}
   template <class T>
   AnyFrame(const T&) {  // NOLINT: says what is wrong
     static_assert(!std::is_same_v<T, T>,
@@ -105,6 +130,7 @@ class AnyFrame {
 
   double timestamp = 0;             ///< [s]
   ImageView<const Bgr8> colour{};   ///< empty where there is none
+  Pinhole camera;                   ///< of a Frame; of others unknown: width 0
 
   [[nodiscard]] const AnyImage& intensity() const { return intensity_; }  ///< in [0,1]
   [[nodiscard]] const AnyImage& depth() const { return depth_; }          ///< [m]; see depth_valid

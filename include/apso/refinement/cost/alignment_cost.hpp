@@ -52,9 +52,9 @@ class AlignmentCost {
     for (const AlignmentReference& r : references) {
       expects(r.pyramid != nullptr && !r.pyramid->empty(), "DirectAligner: a reference pyramid was not built");
       const FramePyramid& p = *r.pyramid;
-      expects(p.usual_finest() == current.usual_finest() && p.finest() + p.size() == current.finest() + current.size() &&
-                  p.halved(p.usual_finest()).camera.width == current.halved(p.usual_finest()).camera.width &&
-                  p.halved(p.usual_finest()).camera.height == current.halved(p.usual_finest()).camera.height,
+      expects(p.nominal_finest() == current.nominal_finest() && p.finest() + p.size() == current.finest() + current.size() &&
+                  p.halved(p.nominal_finest()).camera.width == current.halved(p.nominal_finest()).camera.width &&
+                  p.halved(p.nominal_finest()).camera.height == current.halved(p.nominal_finest()).camera.height,
               "DirectAligner: reference and current pyramid differ in levels or size");
       if (!(r.weight > 0) || !std::isfinite(r.weight) || !is_finite(r.T_world_reference)) continue;
       Term& t = terms_[used_++];
@@ -104,7 +104,7 @@ class AlignmentCost {
   /// Levels that all frames have; 0 is the finest of them.
   [[nodiscard]] int levels() const { return current_->finest() + current_->size() - finest_; }
   /// Counted from the usual finest level, as options are: -1 for the one more of frames that are mostly masked.
-  [[nodiscard]] int schedule(int level) const { return halvings(level) - current_->usual_finest(); }
+  [[nodiscard]] int schedule(int level) const { return halvings(level) - current_->nominal_finest(); }
   /// All frames have that one.
   [[nodiscard]] bool mostly_masked() const { return schedule(0) < 0; }
   /// Halvings from the full size.

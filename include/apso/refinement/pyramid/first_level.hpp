@@ -1,0 +1,85 @@
+/// \file
+/// The first level of a pyramid: the only place where the pixels of a user's images are read.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include <apso/config.hpp>
+#include <apso/math/lanes.hpp>
+#include <apso/refinement/pyramid/plane.hpp>
+#include <apso/refinement/pyramid/pyramid_options.hpp>
+#include <apso/traits/any.hpp>
+#include <apso/types/frame.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Reads rows [y0, y1) into planes that have their size already. Depth out of range and intensities that are not finite
+/// become 0. Bands can be read side by side.
+/// \return how many intensities are not finite
+inline float read_first_level(const AnyFrame& frame, const DepthRange& range, Plane& intensity, Plane& depth, int y0, int y1) {
+  const int w = frame.intensity().width();
+  const Lanes lowest = std::max(range.min, 1e-6F);
+  const Lanes highest = range.max;
+  const auto read = [w](const AnyImage& image, int y, float* out) {
+    if (const float* row = image.row_in_place(y)) std::copy(row, row + w, out);
+    else image.read_row(y, out, 1);
+  };
+  Lanes bad = 0.0F;
+  for (int y = y0; y < y1; ++y) {
+    float* i = intensity.row(y);
+    float* z = depth.row(y);
+    read(frame.intensity(), y, i);
+    read(frame.depth(), y, z);
+    std::fill(i + w, i + w + Plane::kPad, 0.0F);
+    for (int x = 0; x < w; x += kLanes) {
+      const Lanes metres = Lanes::load(z + x);
+      select((metres >= lowest) & (metres <= highest), metres, 0.0F).store(z + x);
+      const Lanes grey = Lanes::load(i + x);
+      const Mask ok = abs(grey) <= Lanes(1e6F);  // false for NaN and inf
+      bad += select(ok, 0.0F, 1.0F);
+      select(ok, grey, 0.0F).store(i + x);
+    }
+  }
+  return bad.sum();
+}
+
+/// Weights of rows [y0, y1), after read_first_level; depth of weight 0 becomes 0.
+/// \param probability     [0,1], 1 = dynamic; empty = nothing is dynamic
+/// \param broken          some intensities are not finite: they get weight 0
+/// \param scratch         a row
+/// \return how many pixels weigh less than static ones
+inline float weigh_first_level(const AnyFrame& frame, const AnyImage& probability, float gamma_potential, bool broken,
+                               Plane& gamma, Plane& depth, float* scratch, int y0, int y1) {
+  const int w = frame.intensity().width();
+  const Lanes background = kGammaStatic;
+  Lanes less = 0.0F;
+  for (int y = y0; y < y1; ++y) {
+    float* g = gamma.row(y);
+    float* z = depth.row(y);
+    if (probability.empty()) {
+      std::fill(g, g + w, -1.0F);
+    } else {
+      probability.read_row(y, g, 1);
+    }
+    std::fill(g + w, g + w + Plane::kPad, -1.0F);  // as certainly static
+    for (int x = 0; x < w; x += kLanes) {
+      const Lanes v = Lanes::load(g + x);
+      // NaN fails both comparisons and counts as dynamic
+      const Lanes weight = select(v < Lanes(kPotentialProbability), background,
+                                  select(v < Lanes(kConfirmedProbability), Lanes(gamma_potential), Lanes(kGammaDynamic)));
+      less += select(weight < background, 1.0F, 0.0F);
+      weight.store(g + x);
+      // nor does the depth of what is masked
+      select(weight > Lanes(0.0F), Lanes::load(z + x), 0.0F).store(z + x);
+    }
+    if (!broken) continue;
+    frame.intensity().read_row(y, scratch, 1);
+    for (int x = 0; x < w; ++x) {
+      if (!(std::abs(scratch[x]) <= 1e6F)) g[x] = z[x] = 0.0F;
+    }
+  }
+  return less.sum();
+}
+
+APSO_NAMESPACE_END

@@ -1,0 +1,141 @@
+/// \file
+/// What is computed once of each selected pixel: its point, its gradients, its rows of the Jacobian.
+#pragma once
+
+#include <algorithm>
+
+#include <apso/config.hpp>
+#include <apso/math/lanes.hpp>
+#include <apso/refinement/pyramid/pixel_list.hpp>
+#include <apso/refinement/pyramid/plane.hpp>
+#include <apso/types/frame.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// The images of a level and its camera, as a block of pixels is filled from them.
+struct BlockSource {
+  const Plane& intensity;
+  const Plane& depth;
+  const Plane& gamma;  ///< or empty: all weights are 1
+  float fx, fy, cx, cy;
+  float edge;  ///< depth gradient that is an edge, as a share of the depth [1/px]
+};
+
+/// All quantities of the pixels found[0 .. n), y << 16 | x each, n <= kBlock; the rest of the block becomes 0.
+inline void fill_block(float* block, const int* found, int n, const BlockSource& in) {
+  using P = PixelList;
+  enum { kPx, kPy, kI, kIl, kIr, kIu, kId, kDepth, kZl, kZr, kZu, kZd, kNear, kG, kRaw };
+  float raw[kRaw * P::kBlock] = {};
+  for (int i = 0; i < n; ++i) {
+    const int x = found[i] & 0xFFFF;
+    const int y = found[i] >> 16;
+    const float* I = in.intensity.row(y) + x;
+    const float* Z = in.depth.row(y) + x;
+    const auto set = [&](int f, float v) { raw[f * P::kBlock + i] = v; };
+    set(kPx, static_cast<float>(x));
+    set(kPy, static_cast<float>(y));
+    set(kI, *I);
+    set(kIl, I[-1]);
+    set(kIr, I[1]);
+    set(kIu, in.intensity.row(y - 1)[x]);
+    set(kId, in.intensity.row(y + 1)[x]);
+    set(kDepth, *Z);
+    set(kZl, Z[-1]);
+    set(kZr, Z[1]);
+    set(kZu, in.depth.row(y - 1)[x]);
+    set(kZd, in.depth.row(y + 1)[x]);
+    set(kNear, std::min(std::min(Z[-2], Z[2]), std::min(in.depth.row(y - 2)[x], in.depth.row(y + 2)[x])));
+    set(kG, in.gamma.empty() ? 1.0F : in.gamma.row(y)[x]);
+  }
+  const Lanes zero = 0.0F;
+  for (int at = 0; at < P::kBlock; at += kLanes) {
+    const auto get = [&](int f) { return Lanes::load(raw + f * P::kBlock + at); };
+    const auto put = [&](P::Field f, const Lanes& v) { v.store(block + f * P::kBlock + at); };
+    const Lanes z = get(kDepth);
+    const Lanes iz = 1.0F / select(z > zero, z, 1.0F);
+    const Lanes X = (get(kPx) - in.cx) * (1.0F / in.fx) * z;
+    const Lanes Y = (get(kPy) - in.cy) * (1.0F / in.fy) * z;
+    const Lanes gx = 0.5F * (get(kIr) - get(kIl));
+    const Lanes gy = 0.5F * (get(kId) - get(kIu));
+    put(P::kX, X);
+    put(P::kY, Y);
+    put(P::kZ, z);
+    put(P::kIntensity, get(kI));
+    put(P::kGamma, get(kG));
+    const Lanes l = get(kZl), r = get(kZr), u = get(kZu), d = get(kZd);
+    const Lanes low = min(min(l, r), min(u, d));
+    const Mask own = min(low, get(kNear)) > z * (1.0F - in.edge);
+    put(P::kGradient2, select(own, gx * gx + gy * gy, select(z > zero, -1.0F, zero)));
+    const Lanes a0 = select(own, gx * in.fx * iz, zero);
+    const Lanes a1 = select(own, gy * in.fy * iz, zero);
+    put(P::kI0, a0);
+    put(P::kI1, a1);
+    put(P::kI2, zero - (a0 * X + a1 * Y) * iz);
+    const Lanes zx = 0.5F * (r - l);
+    const Lanes zy = 0.5F * (d - u);
+    const Lanes g2 = zx * zx + zy * zy;
+    const Mask smooth = (low > zero) & (g2 < in.edge * in.edge * z * z);
+    const Lanes d0 = select(smooth, zx * in.fx * iz, zero);
+    const Lanes d1 = select(smooth, zy * in.fy * iz, zero);
+    put(P::kDepthGradient2, select(smooth, g2, select(z > zero, -1.0F, zero)));
+    put(P::kD0, d0);
+    put(P::kD1, d1);
+    put(P::kD2, select(smooth, zero - (d0 * X + d1 * Y) * iz - 1.0F, zero));
+  }
+}
+
+/// Gradients of mere noise would make a bare wall look as if it fixed the motion along it. A tile without texture gets no
+/// photometric rows; a tile that is plane within the noise gets the slope of the plane.
+/// \param b          side of the cells of which each gave its best pixel
+/// \param noise      standard deviation of the intensity gradient where nothing is to be seen [1/px]
+/// \param slope      focal length of the full size over that of the level, times the multiple of the depth noise [px]
+/// \param fx         focal length [px]
+inline void remove_noise_gradients(PixelList& list, const PixelList::Tile& tile, int b, float noise, float slope, float fx) {
+  using P = PixelList;
+  float largest = 0;  // of b^2 exponentials: 1 + 1/2 + ... 1/b^2
+  for (int i = 1; i <= b * b; ++i) largest += 1.0F / static_cast<float>(i);
+  const Lanes zero = 0.0F;
+  Lanes gradients = zero, count = zero, sum0 = zero, sum1 = zero, squares = zero, noises = zero;
+  for (int k = tile.begin; k < tile.end; ++k) {
+    const float* p = list.block(k);
+    for (int i = 0; i < P::kBlock; i += kLanes) {
+      const auto get = [&](P::Field f) { return Lanes::load(p + f * P::kBlock + i); };
+      gradients += max(get(P::kGradient2), zero);
+      const Mask ok = (get(P::kGamma) > zero) & (get(P::kDepthGradient2) >= zero);
+      const Lanes d0 = get(P::kD0);  // 0 unless ok
+      const Lanes d1 = get(P::kD1);
+      const Lanes z = get(P::kZ);
+      const Lanes slope_noise = select(ok, slope * max(kDepthNoise * z * z, kDepthNoiseFloor) / select(ok, z, 1.0F), zero);
+      count += select(ok, 1.0F, zero);
+      sum0 += select(ok, d0, zero);
+      sum1 += select(ok, d1, zero);
+      squares += select(ok, d0 * d0 + d1 * d1, zero);
+      noises += slope_noise * slope_noise;
+    }
+  }
+  const float gradient2 = gradients.sum(), n = count.sum(), s0 = sum0.sum(), s1 = sum1.sum(), s2 = squares.sum();
+  const float expected = noises.sum();
+  const bool bare = gradient2 < 1.5F * largest * noise * noise * static_cast<float>(tile.count);
+  float m0 = n > 0 ? s0 / n : 0.0F;
+  float m1 = n > 0 ? s1 / n : 0.0F;
+  const bool plane = n >= 8 && s2 - n * (m0 * m0 + m1 * m1) < 3 * expected;
+  // a slope within the noise of the mean is none: many tiles with such slopes would look like a surface
+  const float squared = m0 * m0 + m1 * m1;
+  const float shrink = squared > 0 && n > 0 ? std::max(0.0F, 1.0F - 4.0F * expected / (n * n * squared)) : 0.0F;
+  m0 *= shrink;
+  m1 *= shrink;
+  if (!bare && !plane) return;
+  for (int k = tile.begin; k < tile.end; ++k) {
+    float* p = list.block(k);
+    for (int i = 0; i < P::kBlock; ++i) {
+      if (bare) p[P::kI0 * P::kBlock + i] = p[P::kI1 * P::kBlock + i] = p[P::kI2 * P::kBlock + i] = 0.0F;
+      if (!plane || !(p[P::kGamma * P::kBlock + i] > 0) || p[P::kDepthGradient2 * P::kBlock + i] < 0) continue;
+      const float z = p[P::kZ * P::kBlock + i];
+      p[P::kD0 * P::kBlock + i] = m0;
+      p[P::kD1 * P::kBlock + i] = m1;
+      p[P::kD2 * P::kBlock + i] = -(m0 * p[P::kX * P::kBlock + i] + m1 * p[P::kY * P::kBlock + i]) / z - 1.0F;
+      p[P::kDepthGradient2 * P::kBlock + i] = (m0 * m0 + m1 * m1) * z * z / (fx * fx);
+    }
+  }
+}
+APSO_NAMESPACE_END

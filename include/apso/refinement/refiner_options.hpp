@@ -1,0 +1,54 @@
+/// \file
+/// Settings of the refiner, and the printed forms of the paper.
+#pragma once
+
+#include <apso/config.hpp>
+#include <apso/refinement/alignment_options.hpp>
+#include <apso/refinement/blend.hpp>
+#include <apso/refinement/confidence.hpp>
+#include <apso/refinement/pyramid/pyramid_options.hpp>
+#include <apso/refinement/reference_memory.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+struct RefinerOptions {
+  PyramidOptions pyramid;
+  AlignmentOptions alignment;
+  MemoryOptions memory;
+  BlendOptions blend;
+  DirectConfidenceOptions confidence;
+  double min_confidence = 0.5;  ///< a direct pose of less confidence is not used at all: far off, it drags all the same
+  bool require_mask = true;     ///< no refinement of a highly dynamic frame when nobody knows what moves
+  double velocity_gate = 1;     ///< multiple of the speed beyond which a direct pose is not believed (see SpeedGate);
+                                ///< 0 = every speed is believed
+  RefinerOptions() { alignment.depth_alone = true; }  // frames of a flash or in the dark are what is repaired here
+  template <class Self, class V>
+  static void fields(Self& s, V&& v) {
+    v("pyramid", s.pyramid);
+    v("alignment", s.alignment);
+    v("memory", s.memory);
+    v("blend", s.blend);
+    v("confidence", s.confidence);
+    v("min_confidence", s.min_confidence, 0.0, 1.0);
+    v("require_mask", s.require_mask);
+    v("velocity_gate", s.velocity_gate, 0.0, 1e6);
+  }
+};
+
+/// Equations (12) to (17) as printed, as far as they can be computed. Of (12), M is the optical flow, which the paper calls
+/// the motion characteristic of a frame; (16) has its printed sign of the decay; (17) has the weight w_diff alone, without
+/// confidence, gates or required masks. Its sum of pose matrices is no pose: the poses are joined along their screw.
+[[nodiscard]] inline RefinerOptions paper_refiner_options() {
+  RefinerOptions o;
+  o.alignment = static_fusion_alignment();  // weights, kernel and scales of (13) to (15), which the paper takes over
+  o.memory.form = DistanceForm::Sum;
+  o.memory.motion = MotionForm::FlowGrid;
+  o.memory.decay_form = DecayForm::Printed;
+  o.blend.form = BlendForm::ScrewLinear;
+  o.blend.weight = BlendWeight::Printed;
+  o.require_mask = false;
+  o.velocity_gate = 0;
+  return o;
+}
+
+APSO_NAMESPACE_END
