@@ -39,6 +39,9 @@
 #include <apso/observation/geometry/view_memory.hpp>
 #include <apso/observation/motion_by_name.hpp>
 #include <apso/observation/motion_policy.hpp>
+#include <apso/observation/objects/object_matching.hpp>
+#include <apso/observation/objects/object_prediction.hpp>
+#include <apso/observation/objects/object_segmentation.hpp>
 #include <apso/observation/objects/object_tracker.hpp>
 #include <apso/observation/policies/cluster_residual.hpp>
 #include <apso/observation/policies/depth_refined_mask.hpp>

@@ -124,8 +124,7 @@ class AnyFrame {
         depth_(frame.depth()) {}
   template <class T>
   AnyFrame(const T&) {  // NOLINT: says what is wrong
-    static_assert(!std::is_same_v<T, T>,
-                  "apso: a frame is an apso::RgbdFrame or apso::frame(timestamp, intensity, depth, camera) of your images");
+    check_frame<T>();
   }
 
   double timestamp = 0;             ///< [s]

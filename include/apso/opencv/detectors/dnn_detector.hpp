@@ -16,6 +16,7 @@
 #include <apso/config.hpp>
 #include <apso/io/detection_text.hpp>
 #include <apso/opencv/detectors/detector_policy.hpp>
+#include <apso/opencv/detectors/network_objects.hpp>
 #include <apso/opencv/detectors/network_outputs.hpp>
 #include <apso/options.hpp>
 #include <apso/traits/any.hpp>
