@@ -22,6 +22,7 @@
 #include <apso/math/small_matrix.hpp>
 #include <apso/math/statistics.hpp>
 #include <apso/math/symmetric.hpp>
+#include <apso/motion.hpp>
 #include <apso/observation/combined_policy.hpp>
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/evidence_mask.hpp>
