@@ -67,7 +67,7 @@ struct ConfidenceOptions {
   double area_weighted = 0;
   double least = 1;
   double log_sum = 0;
-  double none = 1;
+  double nothing = 1;
   const bool by_area = options.aggregation == ConfidenceAggregation::AreaWeighted;
   for (const Detection& d : objects) {
     if ((options.movable_only && !d.movable) || !std::isfinite(d.score)) continue;
@@ -79,7 +79,7 @@ struct ConfidenceOptions {
     area_weighted += area * p;
     least = p < least ? p : least;
     log_sum += std::log(p);  // -inf for p = 0 makes the geometric mean 0
-    none *= 1 - p;
+    nothing *= 1 - p;
   }
   if (n == 0 || (by_area && !(area_sum > 0))) {
     switch (options.without_objects) {
@@ -94,7 +94,7 @@ struct ConfidenceOptions {
     case ConfidenceAggregation::AreaWeighted: return Quality(area_weighted / area_sum);
     case ConfidenceAggregation::Min: return Quality(least);
     case ConfidenceAggregation::GeometricMean: return Quality(std::exp(log_sum / n));
-    case ConfidenceAggregation::NoisyOr: return Quality(1 - none);
+    case ConfidenceAggregation::NoisyOr: return Quality(1 - nothing);
   }
   return std::nullopt;
 }
