@@ -62,6 +62,75 @@ void print_row(const char* name, const apso::Statistics& s) {
               s.min, s.max);
 }
 
+struct Arguments {
+  std::string groundtruth;
+  std::string estimate;
+  std::string delta = "1s";
+  std::string align = "se3";
+  std::string association = "tum";
+  std::string form = "tum";
+  double max_difference = 0;
+  double offset = 0;
+  bool json = false;
+};
+
+struct Evaluation {
+  apso::AteResult ate;
+  apso::RpeResult rpe;
+  std::vector<std::string> warnings;
+};
+
+/// Throws when the ATE cannot be computed.
+Evaluation evaluate(const Arguments& a) {
+  apso::AteOptions ate_options;
+  ate_options.alignment = a.align == "se3" ? apso::TrajectoryAlignment::Se3 : apso::TrajectoryAlignment::None;
+  ate_options.association = a.association == "tum" ? apso::AssociationRule::Tum : apso::AssociationRule::Evo;
+  ate_options.max_difference = a.max_difference;
+  ate_options.time_offset = a.offset;
+  apso::RpeOptions rpe_options;
+  rpe_options.form = a.form == "tum" ? apso::RpeForm::TumScript : apso::RpeForm::Paper;
+  rpe_options.time_offset = a.offset;
+  parse_delta(a.delta, rpe_options);
+
+  Evaluation e;
+  const apso::Trajectory groundtruth = apso::read_trajectory(a.groundtruth, &e.warnings);
+  const apso::Trajectory estimate = apso::read_trajectory(a.estimate, &e.warnings);
+  e.ate = apso::ate(groundtruth, estimate, ate_options);
+  if (!apso::succeeded(e.ate.status)) {
+    const double limit = a.max_difference > 0 ? a.max_difference : apso::default_max_difference(ate_options.association);
+    char text[400];
+    std::snprintf(text, sizeof text,
+                  "%zu pair(s) of poses within %g s, need %d: the ground truth covers %.3f .. %.3f s, the estimate %.3f .. %.3f s",
+                  e.ate.pairs.size(), limit, a.align == "se3" ? 3 : 1, groundtruth.front().timestamp,
+                  groundtruth.back().timestamp, estimate.front().timestamp, estimate.back().timestamp);
+    throw std::runtime_error(text);
+  }
+  if (e.ate.status == apso::Status::Degenerate) {
+    e.warnings.emplace_back("the positions lie on a line or in one point: the rotation of the alignment is not unique");
+  }
+  e.rpe = apso::rpe(groundtruth, estimate, rpe_options);
+  if (!apso::succeeded(e.rpe.status)) e.warnings.push_back("no pair of poses is " + a.delta + " apart: no relative error");
+  return e;
+}
+
+void print(const Evaluation& e, const Arguments& a) {
+  if (a.json) {
+    nlohmann::ordered_json out;
+    out["pairs"] = e.ate.pairs.size();
+    out["ate"] = to_json(e.ate.statistics);
+    out["rpe"]["delta"] = a.delta;
+    out["rpe"]["pairs"] = e.rpe.pairs.size();
+    out["rpe"]["translation"] = to_json(e.rpe.translation);
+    out["rpe"]["rotation_deg"] = to_json(e.rpe.rotation_deg);
+    std::printf("%s\n", out.dump(2).c_str());
+    return;
+  }
+  std::printf("%-22s %7s %10s %10s %10s %10s %10s %10s\n", "", "pairs", "rmse", "mean", "median", "std", "min", "max");
+  print_row("ATE [m]", e.ate.statistics);
+  print_row(("RPE " + a.delta + " [m]").c_str(), e.rpe.translation);
+  print_row(("RPE " + a.delta + " [deg]").c_str(), e.rpe.rotation_deg);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -75,85 +144,35 @@ int main(int argc, char** argv) {
       "  apso_eval groundtruth.txt estimate.txt\n"
       "  apso_eval groundtruth.txt estimate.txt --association evo --delta 1f --json\n"
       "Exit status: 0 if the ATE could be computed, nonzero otherwise.");
-  std::string groundtruth_path;
-  std::string estimate_path;
-  std::string delta = "1s";
-  bool json = false;
-  apso::AteOptions ate_options;
-  apso::RpeOptions rpe_options;
-  std::string align = "se3";
-  std::string association = "tum";
-  std::string form = "tum";
-  app.add_option("groundtruth", groundtruth_path, "Ground-truth trajectory")->required();
-  app.add_option("estimate", estimate_path, "Estimated trajectory")->required();
-  app.add_option("--align", align, "Align the estimate to the ground truth: se3 (rigid, least squares) or none")
+  Arguments a;
+  app.add_option("groundtruth", a.groundtruth, "Ground-truth trajectory")->required();
+  app.add_option("estimate", a.estimate, "Estimated trajectory")->required();
+  app.add_option("--align", a.align, "Align the estimate to the ground truth: se3 (rigid, least squares) or none")
       ->check(CLI::IsMember({"se3", "none"}))
       ->capture_default_str();
-  app.add_option("--association", association,
+  app.add_option("--association", a.association,
                  "Pairs of the ATE: tum (greedy one-to-one, < 0.02 s) or evo (nearest neighbour, <= 0.01 s)")
       ->check(CLI::IsMember({"tum", "evo"}))
       ->capture_default_str();
-  app.add_option("--max-difference", ate_options.max_difference,
+  app.add_option("--max-difference", a.max_difference,
                  "Largest timestamp difference of an ATE pair [s]; 0 = 0.02 (tum), 0.01 (evo)")
       ->check(CLI::Range(0.0, 1e9))
       ->capture_default_str();
-  app.add_option("--offset", ate_options.time_offset, "Added to the timestamps of the estimate [s]")
+  app.add_option("--offset", a.offset, "Added to the timestamps of the estimate [s]")
       ->check(CLI::Range(-1e12, 1e12))
       ->capture_default_str();
-  app.add_option("--delta", delta, "Interval of the RPE: a number with unit s, f (frames), m, rad or deg")
+  app.add_option("--delta", a.delta, "Interval of the RPE: a number with unit s, f (frames), m, rad or deg")
       ->capture_default_str();
-  app.add_option("--rpe", form, "Definition of the RPE: tum (evaluate_rpe.py) or paper (as published; evo agrees)")
+  app.add_option("--rpe", a.form, "Definition of the RPE: tum (evaluate_rpe.py) or paper (as published; evo agrees)")
       ->check(CLI::IsMember({"tum", "paper"}))
       ->capture_default_str();
-  app.add_flag("--json", json, "Print JSON instead of a table");
+  app.add_flag("--json", a.json, "Print JSON instead of a table");
   CLI11_PARSE(app, argc, argv);
 
   try {
-    ate_options.alignment = align == "se3" ? apso::TrajectoryAlignment::Se3 : apso::TrajectoryAlignment::None;
-    ate_options.association = association == "tum" ? apso::AssociationRule::Tum : apso::AssociationRule::Evo;
-    rpe_options.form = form == "tum" ? apso::RpeForm::TumScript : apso::RpeForm::Paper;
-    rpe_options.time_offset = ate_options.time_offset;
-    parse_delta(delta, rpe_options);
-
-    std::vector<std::string> warnings;
-    const apso::Trajectory groundtruth = apso::read_trajectory(groundtruth_path, &warnings);
-    const apso::Trajectory estimate = apso::read_trajectory(estimate_path, &warnings);
-
-    const apso::AteResult ate = apso::ate(groundtruth, estimate, ate_options);
-    if (!apso::succeeded(ate.status)) {
-      const double limit = ate_options.max_difference > 0 ? ate_options.max_difference
-                                                          : apso::default_max_difference(ate_options.association);
-      char text[400];
-      std::snprintf(text, sizeof text,
-                    "%zu pair(s) of poses within %g s, need %d: the ground truth covers %.3f .. %.3f s, the estimate "
-                    "%.3f .. %.3f s",
-                    ate.pairs.size(), limit, align == "se3" ? 3 : 1, groundtruth.front().timestamp,
-                    groundtruth.back().timestamp, estimate.front().timestamp, estimate.back().timestamp);
-      throw std::runtime_error(text);
-    }
-    if (ate.status == apso::Status::Degenerate) {
-      warnings.push_back("the positions lie on a line or in one point: the rotation of the alignment is not unique");
-    }
-    const apso::RpeResult rpe = apso::rpe(groundtruth, estimate, rpe_options);
-    if (!apso::succeeded(rpe.status)) warnings.push_back("no pair of poses is " + delta + " apart: no relative error");
-
-    for (const std::string& w : warnings) std::fprintf(stderr, "apso_eval: warning: %s\n", w.c_str());
-    if (json) {
-      nlohmann::ordered_json out;
-      out["pairs"] = ate.pairs.size();
-      out["ate"] = to_json(ate.statistics);
-      out["rpe"]["delta"] = delta;
-      out["rpe"]["pairs"] = rpe.pairs.size();
-      out["rpe"]["translation"] = to_json(rpe.translation);
-      out["rpe"]["rotation_deg"] = to_json(rpe.rotation_deg);
-      std::printf("%s\n", out.dump(2).c_str());
-    } else {
-      std::printf("%-22s %7s %10s %10s %10s %10s %10s %10s\n", "", "pairs", "rmse", "mean", "median", "std", "min",
-                  "max");
-      print_row("ATE [m]", ate.statistics);
-      print_row(("RPE " + delta + " [m]").c_str(), rpe.translation);
-      print_row(("RPE " + delta + " [deg]").c_str(), rpe.rotation_deg);
-    }
+    const Evaluation e = evaluate(a);
+    for (const std::string& w : e.warnings) std::fprintf(stderr, "apso_eval: warning: %s\n", w.c_str());
+    print(e, a);
   } catch (const std::exception& e) {
     std::fprintf(stderr, "apso_eval: error: %s\n", e.what());
     return 1;

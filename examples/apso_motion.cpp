@@ -23,6 +23,7 @@
 
 #include "track/config.hpp"
 #include "track/frame_source.hpp"
+#include "track/motion_report.hpp"
 #include "track/progress.hpp"
 
 namespace {
@@ -101,41 +102,6 @@ class TrueBoxes {
   std::vector<apso::Detection> found_;
 };
 
-/// Sums over the frames of one policy on one sequence.
-struct Score {
-  double iou = 0, recall = 0;  ///< sums over frames with people
-  int with_people = 0;
-  double false_share = 0;      ///< sum of the shares of static pixels called dynamic
-  double worst = 0;
-  double ms = 0;
-  int frames = 0;
-  double ate = -1;             ///< [m]; negative = not known
-
-  void judge(const apso::DynamicMask& mask, const cv::Mat& truth) {
-    double both = 0, marked = 0, real = 0;
-    const auto size = static_cast<double>(mask.probability.size());
-    for (int y = 0; y < mask.probability.height(); ++y) {
-      const float* p = mask.probability.row(y);
-      const uchar* t = truth.empty() ? nullptr : truth.ptr<uchar>(y);
-      for (int x = 0; x < mask.probability.width(); ++x) {
-        const bool a = p[x] >= 0.5F;
-        const bool b = t != nullptr && t[x] != 0;
-        both += a && b ? 1 : 0;
-        marked += a ? 1 : 0;
-        real += b ? 1 : 0;
-      }
-    }
-    ++frames;
-    const double wrong = size > real ? (marked - both) / (size - real) : 0.0;
-    false_share += wrong;
-    worst = std::max(worst, wrong);
-    if (real < 0.01 * size) return;
-    ++with_people;
-    iou += both / (marked + real - both);
-    recall += both / real;
-  }
-};
-
 struct Runner {
   Runner(apso::AnyMotionPolicy p, const apso::Pinhole& camera, const apso::opencv::FeatureTrackerOptions& options)
       : policy(std::move(p)), tracker(camera, options) {}
@@ -143,7 +109,7 @@ struct Runner {
   apso::opencv::FeatureTracker tracker;
   apso::DynamicMask mask;
   apso::Trajectory poses;
-  Score score;
+  track::MotionScore score;
 };
 
 double cpu_ms() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
@@ -179,7 +145,7 @@ Sequence open(const std::string& text, const Arguments& a) {
   return s;
 }
 
-std::vector<Score> run(Sequence& s, const Arguments& a, const track::Config& config) {
+std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track::Config& config) {
   const apso::Pinhole camera = s.source->camera();
   Truth truth;
   apso::opencv::MotionFiles files;
@@ -226,7 +192,7 @@ std::vector<Score> run(Sequence& s, const Arguments& a, const track::Config& con
     progress.show(k + 1, total, s.name);
   }
   progress.end();
-  std::vector<Score> scores;
+  std::vector<track::MotionScore> scores;
   for (const auto& r : runners) {
     if (!s.source->groundtruth().empty() && total > 20 && !a.reverse) {
       apso::AteOptions ate_options;
@@ -240,100 +206,6 @@ std::vector<Score> run(Sequence& s, const Arguments& a, const track::Config& con
   return scores;
 }
 
-void print(const std::string& sequence, const std::vector<std::string>& policies, const std::vector<Score>& scores) {
-  std::printf("\n%s\n\n| policy | IoU | recall | false %% | worst %% | ATE m | ms |\n|---|---|---|---|---|---|---|\n", sequence.c_str());
-  for (std::size_t i = 0; i < policies.size(); ++i) {
-    const Score& s = scores[i];
-    const auto number = [](bool there, const char* format, double v) {
-      char text[32];
-      std::snprintf(text, sizeof text, format, v);
-      return std::string(there ? text : "-");
-    };
-    const bool people = s.with_people > 0;
-    const double n = std::max(1, s.with_people);
-    std::printf("| %s | %s | %s | %.2f | %.1f | %s | %.1f |\n", policies[i].c_str(), number(people, "%.3f", s.iou / n).c_str(),
-                number(people, "%.3f", s.recall / n).c_str(), 100 * s.false_share / std::max(1, s.frames), 100 * s.worst,
-                number(s.ate >= 0, "%.4f", s.ate).c_str(), s.ms);
-  }
-  std::fflush(stdout);
-}
-
-enum class Kind { Walking, Static, Recorded };
-struct Measured {
-  std::string name;
-  Kind kind = Kind::Recorded;
-  std::vector<Score> scores;  ///< by policy
-};
-
-/// One row per policy: means over the synthetic sequences of a kind, then every recording.
-void print_overview(const std::vector<Measured>& all, const std::vector<std::string>& policies) {
-  const auto has = [&](Kind kind) { return std::any_of(all.begin(), all.end(), [&](const Measured& m) { return m.kind == kind; }); };
-  std::string head = "| policy |";
-  std::string line = "|---|";
-  const auto column = [&](const std::string& name) {
-    head += ' ' + name + " |";
-    line += "---|";
-  };
-  if (has(Kind::Walking)) {
-    for (const char* name : {"walking: IoU", "recall", "false %", "ATE m"}) column(name);
-  }
-  if (has(Kind::Static)) {
-    for (const char* name : {"static: false %", "worst %"}) column(name);
-  }
-  for (const Measured& m : all) {
-    if (m.kind != Kind::Recorded) continue;
-    column(m.name + (m.scores.front().with_people > 0 ? ": IoU" : ": dynamic %"));
-    if (m.scores.front().ate >= 0) column("ATE m");
-  }
-  column("ms");
-  std::printf("\nall sequences\n\n%s\n%s\n", head.c_str(), line.c_str());
-  for (std::size_t i = 0; i < policies.size(); ++i) {
-    std::string row = "| " + policies[i] + " |";
-    const auto put = [&](const char* format, double v) {
-      char text[32];
-      std::snprintf(text, sizeof text, format, v);
-      row += ' ' + std::string(text) + " |";
-    };
-    for (const Kind kind : {Kind::Walking, Kind::Static}) {
-      if (!has(kind)) continue;
-      double iou = 0, recall = 0, people = 0, wrong = 0, frames = 0, ate = 0, worst = 0, n = 0;
-      for (const Measured& m : all) {
-        if (m.kind != kind) continue;
-        const Score& s = m.scores[i];
-        iou += s.iou;
-        recall += s.recall;
-        people += s.with_people;
-        wrong += s.false_share;
-        frames += s.frames;
-        ate += s.ate;
-        worst = std::max(worst, s.worst);
-        n += 1;
-      }
-      if (kind == Kind::Walking) {
-        put("%.3f", iou / std::max(1.0, people));
-        put("%.3f", recall / std::max(1.0, people));
-        put("%.2f", 100 * wrong / frames);
-        put("%.4f", ate / n);
-      } else {
-        put("%.2f", 100 * wrong / frames);
-        put("%.1f", 100 * worst);
-      }
-    }
-    double ms = 0;
-    for (const Measured& m : all) {
-      const Score& s = m.scores[i];
-      ms += s.ms / static_cast<double>(all.size());
-      if (m.kind != Kind::Recorded) continue;
-      const bool people = m.scores.front().with_people > 0;
-      put(people ? "%.3f" : "%.2f", people ? s.iou / std::max(1, s.with_people) : 100 * s.false_share / std::max(1, s.frames));
-      if (m.scores.front().ate >= 0) put("%.4f", s.ate);
-    }
-    put("%.1f", ms);
-    std::printf("%s\n", row.c_str());
-  }
-  std::fflush(stdout);
-}
-
 int main_program(const Arguments& a) {
   track::Config config;
   if (!a.config.empty()) apso::read_parameters(a.config, config);
@@ -343,23 +215,23 @@ int main_program(const Arguments& a) {
     if (!csv) throw apso::io_error(a.csv + ": cannot write");
     csv << "sequence,policy,frames,frames_with_people,iou,recall,false_share,worst_false_share,ate_m,ms_per_frame\n";
   }
-  std::vector<Measured> all;
+  std::vector<track::MeasuredSequence> all;
   for (const std::string& text : a.sequences) {
     Sequence s = open(text, a);
-    Measured m;
+    track::MeasuredSequence m;
     m.name = s.name;
-    m.kind = s.synthetic == nullptr ? Kind::Recorded : s.name.rfind("walking", 0) == 0 ? Kind::Walking : Kind::Static;
+    m.kind = s.synthetic == nullptr ? track::SequenceKind::Recorded : s.name.rfind("walking", 0) == 0 ? track::SequenceKind::Walking : track::SequenceKind::Static;
     m.scores = run(s, a, config);
-    print(m.name, a.policies, m.scores);
+    track::print_table(m.name, a.policies, m.scores);
     for (std::size_t i = 0; i < m.scores.size() && csv; ++i) {
-      const Score& c = m.scores[i];
+      const track::MotionScore& c = m.scores[i];
       const double n = std::max(1, c.with_people);
       csv << m.name << ',' << a.policies[i] << ',' << c.frames << ',' << c.with_people << ',' << c.iou / n << ',' << c.recall / n
           << ',' << c.false_share / std::max(1, c.frames) << ',' << c.worst << ',' << c.ate << ',' << c.ms << std::endl;
     }
     all.push_back(std::move(m));
   }
-  if (all.size() > 1) print_overview(all, a.policies);
+  if (all.size() > 1) track::print_overview(all, a.policies);
   return 0;
 }
 
