@@ -1,5 +1,5 @@
 /// \file
-/// Numeric derivatives, to check analytic ones against.
+/// Numeric derivatives, for checking analytic ones.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace testing {
 /// Jacobian of f: R^n -> R^m at x by central differences, J(i,j) = (f_i(x + h e_j) - f_i(x - h e_j)) / (2 h).
 /// The error is of the order h^2 f''' + eps |f| / h; the default h suits functions of order 1 in double.
 /// \param f     callable taking an Eigen::VectorXd and returning a double or an Eigen vector of fixed or dynamic size
-/// \param x     where to differentiate, n values
+/// \param x     point of differentiation, n values
 /// \param step  h for an element of magnitude up to 1, larger elements use step * |x_j|
 template <class F>
 [[nodiscard]] Eigen::MatrixXd numeric_jacobian(F&& f, const Eigen::VectorXd& x, double step = 1e-5) {

@@ -1,6 +1,6 @@
 /// \file
-/// Synthetic RGB-D recordings of a furnished room with people walking in it, with exact poses and exact masks of what
-/// moves: ground truth for tests, benchmarks and first steps without any download.
+/// Synthetic RGB-D recordings of a furnished room in which people walk, with exact poses and exact masks of what
+/// moves: ground truth for tests, benchmarks and first steps without a download.
 ///
 /// \code
 /// const apso::testing::SyntheticSequence sequence("walking_xyz", {});
@@ -11,12 +11,11 @@
 /// }
 /// \endcode
 ///
-/// Names are made of who is there (walking: `people`, static: nobody) and how the camera moves, after the recordings
-/// freiburg3_walking_* of the TUM RGB-D benchmark (Sturm et al., IROS 2012): xyz, halfsphere, rpy, static.
-/// stress_*: the path of static_xyz, interrupted by spans in which features fail; `SyntheticFrame::stress` labels them
-/// (synthetic_stress.hpp lists the causes; stress_all has them in turn and needs 540 frames for a full round).
-/// World: x right, y down, z into the room [m]. The same name, options and frame number give the same frame, whatever
-/// was rendered before.
+/// A name combines the people (walking: `people` of them, static: none) and the camera motion (xyz, halfsphere, rpy, static),
+/// like the recordings freiburg3_walking_* of the TUM RGB-D benchmark (Sturm et al., IROS 2012).
+/// stress_*: the path of static_xyz with intervals in which features fail, labelled by `SyntheticFrame::stress`
+/// (synthetic_stress.hpp lists the causes; stress_all has all of them in turn, one round takes 540 frames).
+/// World: x right, y down, z into the room [m]. A frame depends only on the name, the options and its number.
 #pragma once
 
 #include <array>
@@ -49,8 +48,8 @@ struct SyntheticOptions {
   unsigned seed = 1;             ///< room, people, path and noise all depend on it
   bool noise = true;             ///< noise of colour and depth, holes in the depth; false: exact
   bool blur = true;              ///< motion blur
-  bool exposure_drift = true;    ///< the brightness changes slowly by up to about 10 %
-  double exposure_time = 0.012;  ///< how long the shutter is open [s]
+  bool exposure_drift = true;    ///< slow brightness changes of up to about 10 %
+  double exposure_time = 0.012;  ///< exposure time [s]
   double image_noise = 2.0;      ///< standard deviation of the noise [grey values of 255]
 
   template <class Self, class V>
@@ -68,17 +67,17 @@ struct SyntheticOptions {
   }
 };
 
-/// One frame with its truth. The pose is that of the middle of the exposure.
+/// One frame with ground truth. The pose is that at the middle of the exposure.
 struct SyntheticFrame {
   double timestamp = 0;          ///< [s]
   Image<std::uint8_t> rgb;       ///< R, G, B interleaved: 3 * width columns
   Image<float> intensity;        ///< grey value of rgb, in [0,1]
-  Image<float> depth;            ///< [m], 0 where there is none
-  Image<std::uint8_t> instance;  ///< 0: does not move, k: person k
+  Image<float> depth;            ///< [m], 0 = invalid
+  Image<std::uint8_t> instance;  ///< 0: static, k: person k
   Pose T_world_camera = Pose::Identity();
-  Stress stress = Stress::None;  ///< why the frame is hard
+  Stress stress = Stress::None;  ///< known difficulty
 
-  /// Intensity and depth as the library takes them; valid as long as this frame lives.
+  /// Views of intensity and depth; valid during the lifetime of this frame.
   [[nodiscard]] RgbdFrame rgbd() const { return {timestamp, intensity.view(), depth.view()}; }
 };
 
@@ -89,7 +88,7 @@ struct SyntheticFrame {
   return frame.instance.empty() ? 0.0 : static_cast<double>(count) / static_cast<double>(frame.instance.size());
 }
 
-/// The true mask of what may move as a probability: 1 on people, 0 elsewhere.
+/// The true dynamic probability: 1 on people, 0 elsewhere.
 inline void true_dynamic_probability(const SyntheticFrame& frame, Image<float>& probability) {
   probability.resize(frame.instance.width(), frame.instance.height());
   for (std::size_t i = 0; i < frame.instance.size(); ++i) {
@@ -104,7 +103,7 @@ inline void true_dynamic_probability(const SyntheticFrame& frame, Image<float>& 
   return {535.4 * sx, 539.2 * sy, (320.1 + 0.5) * sx - 0.5, (247.6 + 0.5) * sy - 0.5, width, height};
 }
 
-/// A recording whose frames are made on demand.
+/// A recording whose frames are rendered on demand.
 class SyntheticSequence {
  public:
   /// \param name one of names(); anything else throws contract_error that lists them
@@ -125,7 +124,7 @@ class SyntheticSequence {
     exposure_phase_ = rng.uniform(0, 2 * kPi);
   }
 
-  /// Every name the constructor takes.
+  /// All names that the constructor accepts.
   [[nodiscard]] static std::vector<std::string> names() {
     return {"walking_xyz",       "walking_halfsphere", "walking_rpy",   "walking_static", "static_xyz",
             "static_halfsphere", "static_rpy",         "static_static", "stress_ceiling", "stress_roll",
@@ -135,18 +134,18 @@ class SyntheticSequence {
   [[nodiscard]] int size() const { return options_.frames; }
   [[nodiscard]] const Pinhole& camera() const { return camera_; }
   [[nodiscard]] const SyntheticOptions& options() const { return options_; }
-  /// People who walk in the recording: 0 but for walking_*.
+  /// Number of people in the recording: 0 except in walking_*.
   [[nodiscard]] int people() const { return people_; }
   /// Time of frame i [s].
   [[nodiscard]] double timestamp(int i) const { return i / kRate; }
   /// True pose of frame i, without rendering it.
   [[nodiscard]] Pose T_world_camera(int i) const { return pose_at(timestamp(i)); }
-  /// Why frame i is hard.
+  /// Known difficulty of frame i.
   [[nodiscard]] Stress stress(int i) const {
     return stress_.label(timestamp(i), velocity_at(timestamp(i)).tail<3>().norm());
   }
 
-  /// Makes frame i, 0 <= i < size(). The images of `out` are reused.
+  /// Renders frame i, 0 <= i < size(). The images of `out` are reused.
   void render(int i, SyntheticFrame& out) const {
     expects(i >= 0 && i < options_.frames, "SyntheticSequence::render: frame number out of range");
     const double t = timestamp(i);
@@ -215,8 +214,8 @@ class SyntheticSequence {
     const double h = 1e-3;
     return se3_log(inverse(pose_at(t - h)) * pose_at(t + h)) / (2 * h);
   }
-  /// Places a person half a metre before the camera, a little to the left or right of its view; false outside of a
-  /// Crowd span.
+  /// Places a person half a metre in front of the camera, slightly to the left or right; false outside of a
+  /// Crowd interval.
   bool add_blocker(std::size_t number, double t, std::vector<Limb>& limbs) const {
     const StressPlan::Moment m = stress_.at(t);
     if (m.cause != Stress::Crowd) return false;

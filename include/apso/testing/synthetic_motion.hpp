@@ -1,6 +1,6 @@
 /// \file
 /// What moves in the synthetic room: the camera, on the four kinds of path of the TUM freiburg3 recordings, and
-/// walking people. All are functions of time, so frames can be made in any order.
+/// walking people. All are functions of time, so frames can be rendered in any order.
 #pragma once
 
 #include <algorithm>
@@ -24,12 +24,12 @@ namespace testing {
 /// Kind of camera path.
 enum class CameraMotion {
   Static,      ///< held still: a few millimetres, a few tenths of a degree
-  Xyz,         ///< to and fro along one axis after the other, +-0.35 m, orientation kept
+  Xyz,         ///< back and forth along one axis after the other, +-0.35 m, fixed orientation
   Halfsphere,  ///< on a half sphere of 1 m diameter, looking at its centre
-  Rpy          ///< fast rotation about one axis after the other, place kept; looks at the ceiling
+  Rpy          ///< fast rotation about one axis after the other at a fixed position; sees the ceiling
 };
 
-/// The path of a hand-held camera, smooth, a function of time.
+/// The path of a hand-held camera, a smooth function of time.
 class CameraPath {
  public:
   CameraPath(CameraMotion motion, std::uint64_t seed) : motion_(motion) {
@@ -97,7 +97,7 @@ class CameraPath {
     std::array<double, 3> frequency{};
     std::array<double, 3> phase{};
   };
-  /// One period of a to and fro that starts and ends at rest, and which axis has its turn.
+  /// One period of a back-and-forth motion that starts and ends at rest, and its axis.
   struct Swing {
     int axis;
     double value;  ///< in [-1, 1]
@@ -141,18 +141,18 @@ struct Limb {
   double across = 0.1;                                 ///< half the width [m]
   double front = 0.1;                                  ///< half the thickness [m]
   double half_length = 0;                              ///< of the cylinder, without the round ends [m]
-  double end = 0.1;                                    ///< how far the round ends reach out [m]
+  double end = 0.1;                                    ///< length of each round end [m]
   int texture = 0;                                     ///< index in Scene::textures
   int instance = 1;                                    ///< 1 .. people
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  ///< of the centre, in the world [m/s]
 };
 
-/// Somebody who walks to and fro in front of the camera and stops now and then.
+/// A person who walks back and forth in front of the camera and stops now and then.
 class Walker {
  public:
   static constexpr int kLimbs = 16;
 
-  /// \param number 0, 1, ...: which of the people; each keeps to a lane of its own
+  /// \param number 0, 1, ...: which person; each has a separate lane
   Walker(int number, int people, int first_cloth, std::uint64_t seed, double duration)
       : instance_(number + 1), cloth_(first_cloth + 4 * number) {
     Random rng(hash64(seed ^ 0x57616C6BULL) + 977U * static_cast<std::uint64_t>(number));
@@ -183,13 +183,13 @@ class Walker {
     }
   }
 
-  /// Somebody who goes where `place` says instead, facing the camera.
+  /// A person placed by `place` instead, facing the camera.
   Walker(int number, int first_cloth) : instance_(number + 1), cloth_(first_cloth + 4 * number) {
     Leg leg;
     leg.heading = kPi;
     legs_.push_back(leg);
   }
-  /// Moves somebody of the second kind to a place (x, z) in the world [m].
+  /// Moves a person of the second kind to (x, z) in the world [m].
   void place(const Eigen::Vector2d& at) { legs_[0].from = legs_[0].to = at; }
 
   /// The body at time t [s].

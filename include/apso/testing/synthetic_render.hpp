@@ -22,7 +22,7 @@
 APSO_NAMESPACE_BEGIN
 namespace testing {
 
-/// What is drawn into. `surface` is the index of a face, or the number of faces plus the index of a limb.
+/// The images to draw into. `surface` is the index of a face, or the number of faces plus the index of a limb.
 struct Canvas3d {
   Image<float> inverse_depth;    ///< [1/m], 0 where nothing is seen
   Image<std::uint16_t> surface;  ///< see above

@@ -1,5 +1,5 @@
 /// \file
-/// The synthetic room: what stands still. World: x to the right, y down, z into the room [m]; the floor is at
+/// The static part of the synthetic room. World: x to the right, y down, z into the room [m]; the floor is at
 /// y = kFloor, cameras start near the origin and look along +z.
 #pragma once
 

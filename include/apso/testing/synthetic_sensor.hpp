@@ -1,6 +1,6 @@
 /// \file
-/// What a structured-light RGB-D sensor makes of an exact image: motion blur, drifting exposure, noise of the
-/// colours; noise, quantisation and holes of the depth.
+/// Model of a structured-light RGB-D sensor: motion blur, exposure drift and noise of the colours;
+/// noise, quantisation and holes of the depth.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@
 APSO_NAMESPACE_BEGIN
 namespace testing {
 
-/// 4096 values of a normal distribution of variance 1, to be looked up by 12 random bits.
+/// 4096 values of a normal distribution of variance 1, indexed by 12 random bits.
 class NormalTable {
  public:
   NormalTable() {
@@ -54,13 +54,13 @@ struct ImageMotion {
 };
 
 /// Turns the drawn image into recorded colours.
-/// \param exposure how long the shutter is open [s], 0: no blur
+/// \param exposure exposure time [s], 0: no blur
 /// \param gain     brightness factor of this frame
 /// \param noise    standard deviation [grey values of 255]; 0: none
-/// \param most_taps samples along a blurred path: blur of up to twice as many pixels is smooth
+/// \param max_taps samples along a blurred path: blur of up to twice as many pixels is smooth
 inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& camera, const ImageMotion& motion,
                    double exposure, double gain, double noise, std::uint64_t seed, const NormalTable& normal,
-                   Image<std::uint8_t>& rgb, Image<float>& intensity, int most_taps = 12) {
+                   Image<std::uint8_t>& rgb, Image<float>& intensity, int max_taps = 12) {
   const int width = camera.width;
   const int height = camera.height;
   rgb.resize(3 * width, height);
@@ -100,7 +100,7 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
       float g;
       float bl;
       if (length > 0.75F) {  // mean along the path of the surface during the exposure
-        const int taps = std::min(most_taps, 2 + static_cast<int>(0.5F * length));
+        const int taps = std::min(max_taps, 2 + static_cast<int>(0.5F * length));
         Lanes sum = 0;
         const float step = 1.0F / static_cast<float>(taps);
         for (int k = 0; k < taps; ++k) {
@@ -159,8 +159,8 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
 ///
 /// The standard deviation is max(1 mm, 1.425e-3 z^2) (Khoshelham & Elberink, Sensors 2012), of which a part comes from
 /// the quantisation of the disparity in steps of 1/8 pixel, (z^2 / 43.5 m px) / 8, and a part is common to neighbours.
-/// There are holes out of the range 0.4 .. 8 m (more and more of them from 6 m on), where the surface is seen at a
-/// grazing angle, and in the shadow of near things: the projector sits 7.5 cm beside the camera.
+/// There are holes outside the range 0.4 .. 8 m (increasingly from 6 m on), at grazing angles, and in the shadow of near
+/// objects: the projector is 7.5 cm to the side of the camera.
 inline void sense_depth(const Canvas3d& drawn, const Renderer& renderer, const Pinhole& camera, std::uint64_t seed,
                         const NormalTable& normal, Image<float>& depth) {
   constexpr float kBaseline = 0.075F;  // [m]

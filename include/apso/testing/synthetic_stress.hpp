@@ -1,6 +1,6 @@
 /// \file
-/// Spans of a synthetic recording in which feature tracking has every reason to fail, and when each of them takes
-/// place: the truth that decisions are scored against.
+/// Intervals of a synthetic recording in which feature tracking is expected to fail: the ground truth for evaluating
+/// decisions.
 #pragma once
 
 #include <algorithm>
@@ -20,14 +20,14 @@
 APSO_NAMESPACE_BEGIN
 namespace testing {
 
-/// Why a frame is hard.
+/// Known difficulty of a frame.
 enum class Stress {
   None,
-  Ceiling,  ///< the camera turns up fast, sees nothing but a plain ceiling, and turns back
+  Ceiling,  ///< the camera quickly turns up to a plain ceiling and back
   Roll,     ///< fast rotation, mostly roll, with a long exposure: motion blur of 40 pixels and more
-  Crowd,    ///< people stand close before the camera: most of the image moves with them
+  Crowd,    ///< people stand close to the camera: most of the image moves with them
   Dark,     ///< the light goes out: 5 % of the brightness, the noise stays
-  Flash,    ///< overexposed for four frames: nothing but the darkest things is left
+  Flash,    ///< overexposed for four frames: only the darkest objects remain visible
   Dropout   ///< no depth
 };
 constexpr std::array<const char*, 7> enum_names(Stress) {
@@ -35,13 +35,13 @@ constexpr std::array<const char*, 7> enum_names(Stress) {
 }
 [[nodiscard]] constexpr const char* to_string(Stress s) { return enum_names(Stress{})[static_cast<std::size_t>(s)]; }
 
-/// When something happens, and how it changes camera, light and sensor. Spans begin at 1.8 s and every 2.6 s after;
-/// "all" takes the causes in turn.
+/// When each interval occurs, and how it changes camera, light and sensor. Intervals begin at 1.8 s and every 2.6 s after that;
+/// "all" has all causes in turn.
 class StressPlan {
  public:
-  static constexpr double kFirst = 1.8;   ///< start of the first span [s]
+  static constexpr double kFirst = 1.8;   ///< start of the first interval [s]
   static constexpr double kEvery = 2.6;   ///< from start to start [s]
-  static constexpr double kLength = 2.0;  ///< of the longest kind of span [s]
+  static constexpr double kLength = 2.0;  ///< of the longest kind of interval [s]
   static constexpr int kBlockers = 2;     ///< people who come close in a Crowd span
 
   StressPlan() = default;
