@@ -3,13 +3,15 @@
 /// apso/io/..., apso/opencv/..., apso/sophus/..., apso/testing/...
 #pragma once
 
+#include <apso/align.hpp>
+#include <apso/blend.hpp>
 #include <apso/config.hpp>
+#include <apso/evaluate.hpp>
 #include <apso/evaluation/association.hpp>
 #include <apso/evaluation/ate.hpp>
 #include <apso/evaluation/decision_analysis.hpp>
 #include <apso/evaluation/rpe.hpp>
 #include <apso/evaluation/trajectory.hpp>
-#include <apso/evaluate.hpp>
 #include <apso/executor.hpp>
 #include <apso/math/assignment.hpp>
 #include <apso/math/constants.hpp>

@@ -1,8 +1,4 @@
 #include <cmath>
-#include <cstdint>
-#include <cstdlib>
-#include <new>
-#include <vector>
 
 #include <doctest/doctest.h>
 
@@ -11,23 +7,6 @@
 #include "room.hpp"
 
 using namespace apso;
-
-namespace {
-bool counting = false;
-int allocations = 0;
-}  // namespace
-
-// Counts what is allocated while `counting`; for this program alone.
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // inlined, GCC 12 takes the free() below for a mistake
-#endif
-void* operator new(std::size_t n) {
-  if (counting) ++allocations;
-  if (void* p = std::malloc(n == 0 ? 1 : n)) return p;
-  std::abort();
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 
 namespace {
 // An image that can be read pixel by pixel only.
@@ -85,33 +64,6 @@ TEST_CASE("rows and single pixels give the same answer, and so does a camera typ
   CHECK((a.detail.information.array() == b.detail.information.array()).all());
   const PairAlignment d = align(r.intensity, r.depth, c.intensity, c.depth, Focal{kCamera});
   CHECK((a.T_current_reference.matrix() - d.T_current_reference.matrix()).norm() < 1e-6);
-}
-
-TEST_CASE("what is warm allocates nothing") {
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
-  const room::Frame c = room::render(kCamera, kTruth, {true, -.3, .4, 1.5}, 2);  // something moves: all paths are taken
-  for (const bool masked : {false, true}) {
-    FramePyramid reference, current;
-    AlignmentOptions searching;
-    searching.search_contradicted = 0;
-    DirectAligner aligner(searching);
-    std::vector<AlignmentReference> references{{&reference, Pose::Identity(), 1}};
-    std::vector<Pose> candidates{Pose::Identity()};
-    AlignmentResult result;
-    const auto once = [&] {
-      reference.build(r.view(), kCamera, masked ? r.probability.view() : ImageView<const float>{}, {}, PyramidRole::Both);
-      current.build(c.view(), kCamera, masked ? c.probability.view() : ImageView<const float>{}, {}, PyramidRole::Both);
-      result = aligner.align(references, current, candidates);
-    };
-    once();
-    once();
-    allocations = 0;
-    counting = true;
-    once();
-    counting = false;
-    CHECK(succeeded(result.status));
-    CHECK(allocations == 0);
-  }
 }
 
 TEST_CASE("a changed brightness is found and does not matter") {

@@ -3,7 +3,9 @@
 #include <doctest/doctest.h>
 
 #include <apso/refinement/blend.hpp>
+#include <apso/refinement/confidence.hpp>
 #include <apso/refinement/reference_memory.hpp>
+#include <apso/refinement/refiner.hpp>
 
 #include "room.hpp"
 
@@ -112,4 +114,147 @@ TEST_CASE("memory keeps the recent frames and selects the nearest") {
   CHECK(s.references.empty());
   CHECK_FALSE(memory.correct(0, Pose::Identity()));
   CHECK(memory.correct(4, Pose::Identity()));
+}
+
+TEST_CASE("as printed: the weight of (17) asks nobody, and averages what is far apart") {
+  BlendOptions o;
+  o.weight = BlendWeight::Printed;
+  o.form = BlendForm::ScrewLinear;
+  const Pose Td = Pose::Identity();
+  const Pose Tf = room::pose(1, 0, 0, 0, 0, 0);
+  const Blended<> b = blend(Tf, Td, Tf, BlendEvidence{.5, 0}, o);  // without confidence
+  CHECK(b.w_eff == b.w_diff);
+  CHECK(b.w_diff == doctest::Approx(.36788).epsilon(1e-4));
+  CHECK_FALSE(b.gated);
+  CHECK(b.T_world_camera.translation().x() == doctest::Approx(b.w_diff));
+  CHECK(blend(Tf, Td, Tf, BlendEvidence{.5, 0}).w_eff == 1);
+}
+
+TEST_CASE("with a transition the direct pose gains its weight as S_final falls below the threshold") {
+  BlendOptions o;
+  o.form = BlendForm::ScrewLinear;
+  o.transition = .05;
+  const Pose Td = Pose::Identity();
+  const Pose Tf = room::pose(.1, 0, 0, 0, 0, 0);
+  BlendEvidence e{1, 1};
+  const double full = blend(Tf, Td, Tf, e).w_eff;  // exp(-2)
+  CHECK(blend(Tf, Td, Tf, e, o).w_eff == full);    // nobody says how far below
+  double last = 1;
+  for (const double below : {-.01, 0.0, .01, .025, .04, .05, .2}) {
+    e.below_threshold = below;
+    const double w = blend(Tf, Td, Tf, e, o).w_eff;
+    CHECK(w <= last);
+    if (below <= 0) CHECK(w == 1);
+    if (below == .025) CHECK(w == doctest::Approx(1 - .5 * (1 - full)));
+    if (below >= .05) CHECK(w == doctest::Approx(full));
+    last = w;
+  }
+}
+
+TEST_CASE("the printed sign of the decay favours the older reference") {
+  CHECK(time_decay(5, 2, .5, DecayForm::Printed) == doctest::Approx(4.48169).epsilon(1e-5));
+  CHECK(time_decay(5, 4, .5, DecayForm::Printed) < time_decay(5, 2, .5, DecayForm::Printed));
+  CHECK(time_decay(5, 5, .5, DecayForm::Printed) == 1);
+}
+
+TEST_CASE("references can be chosen by optical flow in place of the predicted pose") {
+  const Pinhole cam = room::camera(160);
+  const room::Frame f = room::render(cam, Pose::Identity());
+  const auto flow = [](float u) {
+    FlowGrid grid;
+    for (FlowGrid::Cell& cell : grid.cells) cell = {u, 0, 2};
+    return grid;
+  };
+  MemoryOptions o;
+  o.motion = MotionForm::FlowGrid;
+  ReferenceMemory memory(o);
+  FramePyramid p;
+  for (int i = 0; i < 3; ++i) {
+    p.build(f.view(i), cam, {}, {}, PyramidRole::Reference);
+    memory.insert(p, {depth_grid(f.depth), flow(15.F * static_cast<float>(i))}, room::pose(i, 0, 0, 0, 0, 0));
+  }
+  ReferenceMemory::Selection s;
+  memory.select(3, room::pose(90, 0, 0, 0, 0, 0), {depth_grid(f.depth), flow(28)}, s);  // the pose says nothing
+  REQUIRE(s.ids.size() == 2);
+  CHECK(s.ids[0] == 2);
+  CHECK(s.ids[1] == 1);
+  CHECK(s.distance == doctest::Approx(2.0 / kFlowSigma));
+  CHECK_FALSE(s.far_reference);
+  memory.select(3, room::pose(90, 0, 0, 0, 0, 0), {depth_grid(f.depth), {}}, s);  // no tracks: the latest in time
+  CHECK(s.far_reference);
+  REQUIRE(s.ids.size() == 1);
+  CHECK(s.ids[0] == 2);
+}
+
+TEST_CASE("factors of the confidence are steps where their limits are equal") {
+  CHECK(detail::rising(.69, .7, .7) == 0);
+  CHECK(detail::rising(.7, .7, .7) == 1);
+  CHECK(detail::rising(.9, .7, .7) == 1);
+  CHECK(detail::falling(.5, .7, .7) == 1);
+  CHECK(detail::falling(.7, .7, .7) == 1);
+  CHECK(detail::falling(.71, .7, .7) == 0);
+  CHECK(detail::rising(.75, .7, .9) == doctest::Approx(.25));
+  CHECK(detail::falling(1.75, 1, 2) == doctest::Approx(.25));
+  CHECK(detail::rising(std::nan(""), .7, .9) == 0);
+  CHECK(detail::falling(std::nan(""), .7, .9) == 0);
+}
+
+TEST_CASE("entropy of a pose and its ratio") {
+  AlignmentResult r;
+  r.covariance = Matrix6::Identity() * 1e-4;
+  const double centimetre = pose_entropy(r);
+  CHECK(centimetre == doctest::Approx(3 * std::log(2 * 3.14159265358979 * std::exp(1.0)) + 3 * std::log(1e-4)));
+  r.covariance *= 1e-2;
+  const double millimetre = pose_entropy(r);
+  CHECK(millimetre < centimetre);
+  CHECK(entropy_ratio(millimetre, millimetre) == 1);
+  CHECK(entropy_ratio(centimetre, millimetre) < .6);
+  r.degenerate_count = 1;
+  CHECK(entropy_ratio(pose_entropy(r), millimetre) == 0);
+}
+
+namespace {
+// What a refiner that has seen a few good frames makes of a bad one, `times` times in a row.
+Refinement refine_bad_frame(const RefinerOptions& options, int times = 1) {
+  const Pinhole cam = room::camera(320);
+  Refiner refiner(cam, options);
+  for (int i = 0; i < 8; ++i) {
+    const Pose T = room::pose(.01 * i, 0, .005 * i, 0, .3 * i, 0);
+    const room::Frame f = room::render(cam, T, {}, static_cast<unsigned>(i + 1));
+    refiner.remember(f.view(i / 30.0), none, T);
+  }
+  const Pose truth = room::pose(.08, 0, .04, 0, 2.4, 0);
+  const room::Frame f = room::render(cam, truth, {}, 99);
+  Refiner::Input in;
+  in.frame = f.view(8 / 30.0);
+  in.T_world_feature = truth * room::pose(.04, .02, 0, 1, 0, 0);
+  in.T_world_predicted = in.T_world_previous = truth;
+  in.S_change = .5;
+  for (int i = 1; i < times; ++i) (void)refiner.refine(in);
+  return refiner.refine(in);
+}
+}  // namespace
+
+TEST_CASE("a pose that is vague against those before it is refused when the entropy is asked for") {
+  RefinerOptions o;
+  o.confidence.min_entropy_ratio = 1.1;  // no pose is so much better than itself
+  CHECK(refine_bad_frame(o, 3).refined);
+  const Refinement r = refine_bad_frame(o, 4);
+  CHECK(succeeded(r.status));
+  CHECK_FALSE(r.refined);
+  CHECK(r.c_dir == 0);
+  o.confidence.min_entropy_ratio = .6;
+  CHECK(refine_bad_frame(o, 4).refined);
+}
+
+TEST_CASE("the printed forms together refine a frame by w_diff alone") {
+  RefinerOptions o = paper_refiner_options();
+  const Refinement r = refine_bad_frame(o);  // no tracks: the reference is the latest
+  REQUIRE(succeeded(r.status));
+  CHECK(r.far_reference);
+  CHECK(r.refined);
+  CHECK(r.w_eff == r.w_diff);
+  CHECK(r.w_eff == doctest::Approx(std::exp(-1.0)));
+  o.min_confidence = 1;  // asks nobody
+  CHECK(refine_bad_frame(o).w_eff == r.w_eff);
 }

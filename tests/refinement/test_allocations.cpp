@@ -1,0 +1,143 @@
+// What is allocated: nothing once the buffers have their size, and never an image to read an image.
+#include <cstddef>
+#include <cstdlib>
+#include <new>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include <apso/refinement/align.hpp>
+#include <apso/refinement/refiner.hpp>
+
+#include "../foreign_types.hpp"
+#include "room.hpp"
+
+using namespace apso;
+
+namespace {
+struct Allocations {
+  int number = 0;
+  std::size_t bytes = 0;
+};
+bool counting = false;
+Allocations counted;
+}  // namespace
+
+// Counts what is allocated while `counting`; for this program alone.
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // inlined, GCC 12 takes the free() below for a mistake
+#endif
+void* operator new(std::size_t n) {
+  if (counting) {
+    ++counted.number;
+    counted.bytes += n;
+  }
+  if (void* p = std::malloc(n == 0 ? 1 : n)) return p;
+  std::abort();
+}
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+
+namespace {
+template <class F>
+Allocations count(const F& f) {
+  counted = {};
+  counting = true;
+  f();
+  counting = false;
+  return counted;
+}
+
+const Pinhole kCamera = room::camera(320);
+const Pose kTruth = room::pose(.02, -.01, .02, .5, -.7, .3);
+}  // namespace
+
+TEST_CASE("alignment that is warm allocates nothing") {
+  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(kCamera, kTruth, {true, -.3, .4, 1.5}, 2);  // something moves: all paths are taken
+  for (const bool masked : {false, true}) {
+    FramePyramid reference, current;
+    AlignmentOptions searching;
+    searching.search_contradicted = 0;
+    DirectAligner aligner(searching);
+    std::vector<AlignmentReference> references{{&reference, Pose::Identity(), 1}};
+    std::vector<Pose> candidates{Pose::Identity()};
+    AlignmentResult result;
+    const auto once = [&] {
+      reference.build(r.view(), kCamera, masked ? r.probability.view() : ImageView<const float>{}, {}, PyramidRole::Both);
+      current.build(c.view(), kCamera, masked ? c.probability.view() : ImageView<const float>{}, {}, PyramidRole::Both);
+      result = aligner.align(references, current, candidates);
+    };
+    once();
+    once();
+    const Allocations a = count(once);
+    CHECK(succeeded(result.status));
+    CHECK(a.number == 0);
+  }
+}
+
+TEST_CASE("reading the images of others allocates nothing: a warm pyramid, and one call of align") {
+  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(kCamera, kTruth, {true, -.3, .4, 1.5}, 2);
+  const auto grey_r = foreign::at_only(r.intensity), grey_c = foreign::at_only(c.intensity);
+  const auto depth_r = foreign::padded_u16(r.depth, 1 / 5000.F), depth_c = foreign::padded_u16(c.depth, 1 / 5000.F);
+  const auto probability = foreign::padded_u16(c.probability, 1 / 1000.F);
+  const auto reference = frame(0, grey_r, scaled(depth_r, 1 / 5000.F), kCamera);
+  const auto current = frame(1, grey_c, scaled(depth_c, 1 / 5000.F), kCamera);
+  const auto mask = scaled(probability, 1 / 1000.F);
+  FramePyramid pyramid;
+  const auto build = [&] { pyramid.build(current, kCamera, mask); };
+  build();
+  CHECK(pyramid.masked());
+  CHECK(count(build).number == 0);
+
+  // A single call has the two pyramids to make: as much as for images of the library's own.
+  const Image<float> own[] = {foreign::native(grey_r), foreign::native(depth_r, 1 / 5000.F), foreign::native(grey_c),
+                              foreign::native(depth_c, 1 / 5000.F)};
+  PairAlignment<> by_frames, by_images, by_own;
+  const Allocations frames = count([&] { by_frames = align(reference, current); });
+  PairOptions tum;
+  tum.depth_unit = 1 / 5000.;
+  const Allocations images = count([&] { by_images = align(grey_r, depth_r, grey_c, depth_c, kCamera, Pose::Identity(), tum); });
+  const Allocations native = count([&] { by_own = align(own[0], own[1], own[2], own[3], kCamera); });
+  REQUIRE(succeeded(by_own.status));
+  CHECK(by_frames.T_current_reference.matrix() == by_own.T_current_reference.matrix());
+  CHECK(by_images.T_current_reference.matrix() == by_own.T_current_reference.matrix());
+  CHECK(frames.bytes == native.bytes);
+  CHECK(frames.number == native.number);
+  CHECK(images.bytes == native.bytes);
+}
+
+TEST_CASE("a refiner with a full memory allocates nothing, on good frames and on bad ones") {
+  RefinerOptions options;
+  options.memory.capacity = 4;
+  options.alignment.search_contradicted = 0;  // all paths are taken
+  Refiner refiner(kCamera, options);
+  std::vector<room::Frame> frames;
+  std::vector<Pose> poses;
+  for (int i = 0; i < 3; ++i) {
+    poses.push_back(room::pose(.02 * i, 0, .01 * i, 0, .6 * i, 0));
+    frames.push_back(room::render(kCamera, poses.back(), {true, -.3 + .05 * i, .4, 1.5}, static_cast<unsigned>(i + 1)));
+  }
+  Refinement result;
+  int n = 0;
+  const auto round = [&] {
+    for (const bool masked : {true, false}) {
+      for (std::size_t i = 0; i < frames.size(); ++i) {
+        const AnyImage mask = masked ? AnyImage(frames[i].probability) : AnyImage();
+        refiner.remember(frames[i].view(.25 * ++n), mask, poses[i]);
+      }
+      Refiner::Input in;
+      in.frame = frames[1].view(.25 * ++n);
+      if (masked) in.dynamic_probability = frames[1].probability;
+      in.T_world_feature = in.T_world_predicted = in.T_world_previous = poses[2];
+      in.S_change = 1;
+      result = refiner.refine(in);
+    }
+  };
+  for (int i = 0; i < 6; ++i) round();
+  const Allocations a = count(round);
+  CHECK(succeeded(result.status));
+  CHECK(result.references > 0);
+  CHECK(a.number == 0);
+}
