@@ -18,6 +18,7 @@
 #include <apso/math/kernels.hpp>
 #include <apso/math/lanes.hpp>
 #include <apso/math/linear_congruential.hpp>
+#include <apso/math/rigid_alignment.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/sampling.hpp>
 #include <apso/math/se3.hpp>

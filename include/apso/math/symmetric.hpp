@@ -6,8 +6,10 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <utility>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -127,6 +129,30 @@ void solve_definite(S (&A)[N][N], int n, S (&b)[N]) {
     for (int k = i + 1; k < n; ++k) b[i] -= A[k][i] * b[k];
     b[i] /= A[i][i];
   }
+}
+
+/// The same for a matrix whose size is known at run time.
+/// \param[in,out] A n x n, row by row, only the lower triangle is read; becomes L; \param[in,out] b becomes x
+/// \return false when A is not positive definite; b has no meaning then
+inline bool solve_definite(std::vector<double>& A, std::vector<double>& b) {
+  const std::size_t n = b.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    double* Li = A.data() + i * n;
+    for (std::size_t j = 0; j <= i; ++j) {
+      const double* Lj = A.data() + j * n;
+      double sum = Li[j];
+      for (std::size_t k = 0; k < j; ++k) sum -= Li[k] * Lj[k];
+      if (i == j && !(sum > 0)) return false;
+      Li[j] = i == j ? std::sqrt(sum) : sum / Lj[j];
+    }
+    for (std::size_t k = 0; k < i; ++k) b[i] -= Li[k] * b[k];
+    b[i] /= Li[i];
+  }
+  for (std::size_t i = n; i-- > 0;) {
+    for (std::size_t k = i + 1; k < n; ++k) b[i] -= A[k * n + i] * b[k];
+    b[i] /= A[i * n + i];
+  }
+  return true;
 }
 
 /// Eigenvalues and orthonormal eigenvectors of a symmetric matrix by cyclic Jacobi rotations (Golub & Van Loan 8.5).

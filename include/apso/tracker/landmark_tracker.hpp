@@ -141,7 +141,7 @@ class BasicLandmarkTracker {
   [[nodiscard]] Pose moved_on() const {
     if (step_time_ <= 0) return normalized(T_world_previous_);
     const double s = std::clamp((timestamp_ - previous_timestamp_) / step_time_, 0.0, 3.0);
-    return normalized(T_world_previous_ * se3_exp(Twist(s * se3_log(step_))));
+    return normalized(compose(T_world_previous_, se3_exp(times(s, se3_log(step_)))));
   }
 
   [[nodiscard]] std::uint64_t frame_seed() const { return options_.seed + static_cast<std::uint64_t>(frame_number_); }
@@ -239,11 +239,12 @@ class BasicLandmarkTracker {
     // Velocity of a frame found again says nothing.
     const double dt = timestamp_ - previous_timestamp_;
     if (frame_number_ > 1 && dt > 0 && !relocalised_) {
-      step_ = inverse(T_world_previous_) * normalized(T_world_camera);
+      step_ = compose(inverse(T_world_previous_), normalized(T_world_camera));
       step_time_ = dt;
       // What was only predicted fades: a camera that is lost is sooner found near the place where it was seen last.
-      const bool guessed = !ok_ && (T_world_camera.matrix() - T_world_predicted_.matrix()).norm() < 1e-9;
-      if (guessed) step_ = se3_exp(Twist(kFading * se3_log(step_)));
+      const Pose off = compose(inverse(T_world_predicted_), T_world_camera);
+      const bool guessed = !ok_ && norm(translation(off)) < 1e-9 && rotation_angle(off) < 1e-9;
+      if (guessed) step_ = se3_exp(times(kFading, se3_log(step_)));
     } else {
       step_ = Pose::Identity();
       step_time_ = 0;

@@ -10,8 +10,8 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
-#include <apso/options.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
 #include <apso/status.hpp>
 #include <apso/types/pinhole.hpp>
@@ -61,18 +61,27 @@ inline bool point_residual(const Pinhole& camera, const PointObservation& o, con
   residual = {(camera.fx * p_camera.x() * iz + camera.cx - o.u) * is,
               (camera.fy * p_camera.y() * iz + camera.cy - o.v) * is, (iz - o.inverse_depth) * id};
   if (jacobian != nullptr) {
-    jacobian->topRows<2>() = is * camera.project_jacobian(p_camera);
-    jacobian->row(2) << 0, 0, -iz * iz * id;
+    Eigen::Matrix3d& J = *jacobian;
+    J(0, 0) = is * (camera.fx * iz);
+    J(1, 1) = is * (camera.fy * iz);
+    J(0, 1) = J(1, 0) = J(2, 0) = J(2, 1) = 0;
+    J(0, 2) = is * (-camera.fx * p_camera.x() * iz * iz);
+    J(1, 2) = is * (-camera.fy * p_camera.y() * iz * iz);
+    J(2, 2) = -iz * iz * id;
   }
   return true;
 }
 
-/// Derivative of a camera point with respect to the twist that multiplies T_camera_world from the left.
-[[nodiscard]] inline Eigen::Matrix<double, 3, 6> point_twist_jacobian(const Eigen::Vector3d& p_camera) {
-  Eigen::Matrix<double, 3, 6> j;
-  j.leftCols<3>().setIdentity();
-  j.rightCols<3>() = -skew(p_camera);
-  return j;
+/// Derivative of a residual with respect to the twist that multiplies T_camera_world from the left.
+/// \param J with respect to the camera point p
+/// \param[out] J_twist J [I, -skew(p)]
+inline void twist_jacobian(const Eigen::Matrix3d& J, const Eigen::Vector3d& p, double (&J_twist)[3][6]) {
+  for (int k = 0; k < 3; ++k) {
+    for (int i = 0; i < 3; ++i) J_twist[k][i] = J(k, i);
+    J_twist[k][3] = J(k, 2) * p.y() - J(k, 1) * p.z();
+    J_twist[k][4] = J(k, 0) * p.z() - J(k, 2) * p.x();
+    J_twist[k][5] = J(k, 1) * p.x() - J(k, 0) * p.y();
+  }
 }
 
 /// Chi-square limit of an observation.
@@ -82,7 +91,7 @@ inline bool point_residual(const Pinhole& camera, const PointObservation& o, con
 
 /// Squared norm of a whitened residual when the noise of u and v is `scale` times sigma.
 [[nodiscard]] inline double scaled_norm2(const Eigen::Vector3d& r, double scale) {
-  return r.head<2>().squaredNorm() / (scale * scale) + r.z() * r.z();
+  return (r.x() * r.x() + r.y() * r.y()) / (scale * scale) + r.z() * r.z();
 }
 
 /// Marks the inliers at a pose and counts them.
@@ -94,7 +103,7 @@ inline int mark_inliers(const Pinhole& camera, std::vector<PointObservation>& ob
   int inliers = 0;
   Eigen::Vector3d r;
   for (PointObservation& o : observations) {
-    o.inlier = point_residual(camera, o, T_camera_world * o.point, r) && scaled_norm2(r, scale) <= widen * chi2_limit(o);
+    o.inlier = point_residual(camera, o, transform(T_camera_world, o.point), r) && scaled_norm2(r, scale) <= widen * chi2_limit(o);
     inliers += o.inlier ? 1 : 0;
   }
   return inliers;
@@ -107,13 +116,62 @@ inline int mark_inliers(const Pinhole& camera, std::vector<PointObservation>& ob
   scratch.clear();
   Eigen::Vector3d r;
   for (const PointObservation& o : observations) {
-    if (o.inlier && point_residual(camera, o, T_camera_world * o.point, r)) scratch.push_back(r.head<2>().squaredNorm());
+    if (o.inlier && point_residual(camera, o, transform(T_camera_world, o.point), r))
+      scratch.push_back(r.x() * r.x() + r.y() * r.y());
   }
   if (scratch.empty()) return 1;
   const auto middle = scratch.begin() + static_cast<std::ptrdiff_t>(scratch.size() / 2);
   std::nth_element(scratch.begin(), middle, scratch.end());
   return std::clamp(std::sqrt(*middle / 1.3862943611198906), kMinPixelScale, 1.0);
 }
+
+namespace detail {
+/// Normal equations H x = b of a Gauss-Newton step on the pose.
+struct PoseEquations {
+  Matrix6 H;
+  Twist b;
+};
+/// \param per_pixel inverse of the noise of u and v, in sigma
+/// \param robust weigh by Geman-McClure; else all inliers count alike
+inline PoseEquations pose_equations(const Pinhole& camera, const std::vector<PointObservation>& observations,
+                                    const Pose& T_camera_world, double per_pixel, bool robust) {
+  double H[6][6] = {};
+  double b[6] = {};
+  double J_twist[3][6];
+  double weighted[3][6];
+  Eigen::Vector3d r;
+  Eigen::Matrix3d J;
+  for (const PointObservation& o : observations) {
+    if (!o.inlier) continue;
+    const Eigen::Vector3d p = transform(T_camera_world, o.point);
+    if (!point_residual(camera, o, p, r, &J)) continue;
+    for (int k = 0; k < 2; ++k) {
+      r(k) *= per_pixel;
+      for (int i = 0; i < 3; ++i) J(k, i) *= per_pixel;
+    }
+    const double limit = chi2_limit(o);
+    const double share = limit / (limit + squared_norm(r));
+    const double w = o.weight * (robust ? share * share : 1.0);
+    twist_jacobian(J, p, J_twist);
+    for (int k = 0; k < 3; ++k) {
+      for (int i = 0; i < 6; ++i) weighted[k][i] = w * J_twist[k][i];
+    }
+    for (int i = 0; i < 6; ++i) {
+      for (int j = 0; j <= i; ++j)
+        H[i][j] += weighted[0][i] * J_twist[0][j] + weighted[1][i] * J_twist[1][j] + weighted[2][i] * J_twist[2][j];
+      b[i] -= weighted[0][i] * r(0) + weighted[1][i] * r(1) + weighted[2][i] * r(2);
+    }
+  }
+  double trace = 0;
+  for (int i = 0; i < 6; ++i) trace += H[i][i];
+  PoseEquations e;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j <= i; ++j) e.H(i, j) = e.H(j, i) = H[i][j] + (i == j ? 1e-9 * trace + 1e-12 : 0.0);
+    e.b(i) = b[i];
+  }
+  return e;
+}
+}  // namespace detail
 
 /// Pose that minimises the robust cost of the observations, starting at T_world_camera.
 ///
@@ -134,44 +192,26 @@ inline int mark_inliers(const Pinhole& camera, std::vector<PointObservation>& ob
   if (2 * mark_inliers(camera, observations, T_world_camera, 1, far_off) < static_cast<int>(observations.size())) {
     for (PointObservation& o : observations) o.inlier = true;
   }
-  Matrix6 information = Matrix6::Zero();
+  Matrix6 information = zeros<Matrix6>();
   std::vector<double> scratch;
   double scale = 1;
   for (int round = 0; round < options.rounds; ++round) {
     const bool robust = round + 2 < options.rounds || options.rounds < 3;
     for (int iteration = 0; iteration < options.iterations; ++iteration) {
       if (robust) scale = pixel_noise_scale(camera, observations, T, scratch);
-      const double per_pixel = 1 / scale;
-      Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
-      Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
-      Eigen::Vector3d r;
-      Eigen::Matrix3d J_point = Eigen::Matrix3d::Zero();
-      for (const PointObservation& o : observations) {
-        if (!o.inlier) continue;
-        const Eigen::Vector3d p = T * o.point;
-        if (!point_residual(camera, o, p, r, &J_point)) continue;
-        r.head<2>() *= per_pixel;
-        J_point.topRows<2>() *= per_pixel;
-        const double limit = chi2_limit(o);
-        const double share = limit / (limit + r.squaredNorm());
-        const double w = o.weight * (robust ? share * share : 1.0);
-        const Eigen::Matrix<double, 3, 6> J = J_point * point_twist_jacobian(p);
-        H.noalias() += w * J.transpose() * J;
-        b.noalias() -= w * J.transpose() * r;
-      }
-      H.diagonal().array() += 1e-9 * H.trace() + 1e-12;
-      const Eigen::Matrix<double, 6, 1> step = solve_symmetric(H, b);
-      if (!step.allFinite()) {
+      const detail::PoseEquations e = detail::pose_equations(camera, observations, T, 1 / scale, robust);
+      const Twist step = solve_symmetric(e.H, e.b);
+      if (!all_finite(step)) {
         result.status = Status::SingularSystem;
         return result;
       }
-      if (step.norm() > 2.0) {  // two metres or radians in one step is no refinement
+      if (norm(step) > 2.0) {  // two metres or radians in one step is no refinement
         result.status = Status::Diverged;
         return result;
       }
-      T = normalized(se3_exp(step) * T);
-      information = H;
-      if (step.norm() < 1e-6) break;
+      T = normalized(compose(se3_exp(step), T));
+      information = e.H;
+      if (norm(step) < 1e-6) break;
     }
     scale = pixel_noise_scale(camera, observations, T, scratch);
     result.inliers = mark_inliers(camera, observations, inverse(T), scale);

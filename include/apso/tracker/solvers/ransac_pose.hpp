@@ -10,10 +10,9 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/Geometry>
-#include <Eigen/SVD>
 
 #include <apso/config.hpp>
+#include <apso/math/rigid_alignment.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/status.hpp>
 #include <apso/tracker/solvers/pose_optimisation.hpp>
@@ -57,7 +56,7 @@ inline double ransac_score(const Pinhole& camera, const std::vector<PointObserva
   double score = 0;
   inliers = 0;
   for (const PointObservation& o : observations) {
-    const Eigen::Vector3d p = T_camera_world * o.point;
+    const Eigen::Vector3d p = transform(T_camera_world, o.point);
     if (!(p.z() > 0.05)) continue;
     const double iz = 1.0 / p.z();
     const double du = (camera.fx * p.x() * iz + camera.cx - o.u) / o.sigma;
@@ -70,10 +69,25 @@ inline double ransac_score(const Pinhole& camera, const std::vector<PointObserva
   }
   return score;
 }
+
+/// Whether the sides of two triangles agree, and they are no needles.
+inline bool same_triangle(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b) {
+  const Eigen::Vector3d a1 = minus(a[1], a[0]);
+  const Eigen::Vector3d a2 = minus(a[2], a[0]);
+  const Eigen::Vector3d b1 = minus(b[1], b[0]);
+  const Eigen::Vector3d b2 = minus(b[2], b[0]);
+  if (norm(cross(a1, a2)) < 1e-3) return false;
+  const auto differs = [](const Eigen::Vector3d& u, const Eigen::Vector3d& v) {
+    const double s = norm(u);
+    const double t = norm(v);
+    return std::abs(s - t) > 0.05 + 0.1 * std::max(s, t);
+  };
+  return !differs(a1, b1) && !differs(a2, b2) && !differs(minus(a1, a2), minus(b1, b2));
+}
 }  // namespace detail
 
 /// Pose with the most support (MSAC score) among the given hypotheses and those from random triples of points with
-/// measured depth (rigid alignment of three points, Umeyama 1991). Every hypothesis that leads is refined over all
+/// measured depth (rigid alignment of three points, align_horn). Every hypothesis that leads is refined over all
 /// observations near it (local optimisation, Chum, Matas & Kittler 2003): three noisy depths alone rarely tell the
 /// background from a body that moves a little. Deterministic for a seed.
 [[nodiscard]] inline RansacPose ransac_pose(const Pinhole& camera, const std::vector<PointObservation>& observations,
@@ -111,6 +125,8 @@ inline double ransac_score(const Pinhole& camera, const std::vector<PointObserva
     if (observations[i].inverse_depth > 0) with_depth.push_back(i);
   if (with_depth.size() < 3) return best;
 
+  std::vector<Eigen::Vector3d> world(3);
+  std::vector<Eigen::Vector3d> seen(3);
   RansacGenerator random(options.seed);
   int wanted = options.iterations;
   const auto update_wanted = [&] {
@@ -124,26 +140,13 @@ inline double ransac_score(const Pinhole& camera, const std::vector<PointObserva
     const std::array<std::size_t, 3> pick{with_depth[random(with_depth.size())], with_depth[random(with_depth.size())],
                                           with_depth[random(with_depth.size())]};
     if (pick[0] == pick[1] || pick[0] == pick[2] || pick[1] == pick[2]) continue;
-    Eigen::Matrix3d world;
-    Eigen::Matrix3d seen;
-    for (int j = 0; j < 3; ++j) {
-      const PointObservation& o = observations[pick[static_cast<std::size_t>(j)]];
-      world.col(j) = o.point;
-      seen.col(j) = camera.unproject(o.u, o.v, 1.0 / o.inverse_depth);
+    for (std::size_t j = 0; j < 3; ++j) {
+      const PointObservation& o = observations[pick[j]];
+      world[j] = o.point;
+      seen[j] = camera.unproject(o.u, o.v, 1.0 / o.inverse_depth);
     }
-    // The sides of the two triangles must agree, and the triangle must not be a needle.
-    const Eigen::Vector3d a = world.col(1) - world.col(0);
-    const Eigen::Vector3d b = world.col(2) - world.col(0);
-    const double area = a.cross(b).norm();
-    if (area < 1e-3) continue;
-    const auto differs = [](double s, double t) { return std::abs(s - t) > 0.05 + 0.1 * std::max(s, t); };
-    if (differs(a.norm(), (seen.col(1) - seen.col(0)).norm()) || differs(b.norm(), (seen.col(2) - seen.col(0)).norm()) ||
-        differs((a - b).norm(), (seen.col(1) - seen.col(2)).norm()))
-      continue;
-    const Eigen::Matrix4d M = Eigen::umeyama(world, seen, false);
-    if (!M.allFinite()) continue;
-    Pose T = Pose::Identity();
-    T.matrix() = M;
+    if (!detail::same_triangle(world, seen)) continue;
+    const Pose T = align_horn(seen, world).T_target_source;
     if (offer_refined(T, false)) update_wanted();
   }
   return best;

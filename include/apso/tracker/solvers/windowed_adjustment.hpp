@@ -8,12 +8,13 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
-#include <Eigen/LU>
 
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/small_matrix.hpp>
+#include <apso/math/symmetric.hpp>
+#include <apso/status.hpp>
 #include <apso/tracker/solvers/pose_optimisation.hpp>
 #include <apso/types/pinhole.hpp>
 
@@ -54,114 +55,216 @@ inline double adjustment_cost(const Pinhole& camera, const AdjustmentProblem& pr
       const AdjustmentProblem::View& view = problem.views[static_cast<std::size_t>(k)];
       if (!view.observation.inlier) continue;
       const double limit = chi2_limit(view.observation);
-      if (!point_residual(camera, view.observation, poses[static_cast<std::size_t>(view.pose)] * points[i], r)) {
+      if (!point_residual(camera, view.observation, transform(poses[static_cast<std::size_t>(view.pose)], points[i]), r)) {
         cost += 100 * limit;
         continue;
       }
-      const double e2 = r.squaredNorm();
+      const double e2 = squared_norm(r);
       cost += e2 <= limit ? e2 : 2 * std::sqrt(limit * e2) - limit;
     }
   }
   return cost;
 }
+
+/// Derivatives of the residual of a view, and its weight.
+struct ViewJacobians {
+  double weight = 0;
+  double residual[3];
+  double pose[3][6];   // with respect to the twist of the pose
+  double point[3][3];  // with respect to the world point
+};
+inline bool view_jacobians(const Pinhole& camera, const PointObservation& o, const Pose& T_camera_world,
+                           const Eigen::Vector3d& point, ViewJacobians& out) {
+  const Eigen::Vector3d p = transform(T_camera_world, point);
+  Eigen::Vector3d r;
+  Eigen::Matrix3d J;
+  if (!point_residual(camera, o, p, r, &J)) return false;
+  const double limit = chi2_limit(o);
+  const double e2 = squared_norm(r);
+  out.weight = o.weight * (e2 > limit ? std::sqrt(limit / e2) : 1.0);
+  twist_jacobian(J, p, out.pose);
+  for (int k = 0; k < 3; ++k) {
+    out.residual[k] = r(k);
+    for (int i = 0; i < 3; ++i)
+      out.point[k][i] = J(k, 0) * T_camera_world(0, i) + J(k, 1) * T_camera_world(1, i) + J(k, 2) * T_camera_world(2, i);
+  }
+  return true;
+}
+
+/// Inverse of a symmetric positive definite 3 x 3 matrix by its cofactors.
+inline void invert_symmetric(const double (&V)[3][3], double (&inverse)[3][3]) {
+  const double c0 = V[1][1] * V[2][2] - V[1][2] * V[2][1];
+  const double c1 = V[1][2] * V[2][0] - V[1][0] * V[2][2];
+  const double c2 = V[1][0] * V[2][1] - V[1][1] * V[2][0];
+  const double scale = 1.0 / (V[0][0] * c0 + V[0][1] * c1 + V[0][2] * c2);
+  inverse[0][0] = c0 * scale;
+  inverse[1][0] = inverse[0][1] = c1 * scale;
+  inverse[2][0] = inverse[0][2] = c2 * scale;
+  inverse[1][1] = (V[0][0] * V[2][2] - V[0][2] * V[2][0]) * scale;
+  inverse[2][1] = inverse[1][2] = (V[0][1] * V[2][0] - V[0][0] * V[2][1]) * scale;
+  inverse[2][2] = (V[0][0] * V[1][1] - V[0][1] * V[1][0]) * scale;
+}
+
+/// Normal equations of the poses that are not fixed, after the points were eliminated (Schur complement).
+class ReducedEquations {
+ public:
+  ReducedEquations(int poses, std::size_t points, std::size_t views) : n_(6 * static_cast<std::size_t>(poses)), eliminated_(points) {
+    blocks_.reserve(views);
+  }
+
+  /// Gathers everything at the current poses and points.
+  /// \param slot place of each pose among those that are not fixed, -1 = fixed
+  void build(const Pinhole& camera, const AdjustmentProblem& problem, const std::vector<int>& slot,
+             const std::vector<Pose>& poses, const std::vector<Eigen::Vector3d>& points, double lambda) {
+    S_.assign(n_ * n_, 0.0);
+    g_.assign(n_, 0.0);
+    blocks_.clear();
+    ViewJacobians view;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const AdjustmentProblem::Point& point = problem.points[i];
+      double V[3][3] = {};
+      Eliminated& e = eliminated_[i];
+      e = Eliminated{};
+      e.first = blocks_.size();
+      for (int k = point.first; k < point.first + point.count; ++k) {
+        const AdjustmentProblem::View& seen = problem.views[static_cast<std::size_t>(k)];
+        const auto pose = static_cast<std::size_t>(seen.pose);
+        if (!seen.observation.inlier || !view_jacobians(camera, seen.observation, poses[pose], points[i], view)) continue;
+        for (int a = 0; a < 3; ++a) {
+          for (int b = 0; b < 3; ++b) V[a][b] += view.weight * product(view.point, a, view.point, b);
+          e.b[a] -= view.weight * times_residual(view.point, a, view.residual);
+        }
+        if (slot[pose] >= 0) add_pose(static_cast<std::size_t>(slot[pose]), view, lambda);
+      }
+      for (int a = 0; a < 3; ++a) V[a][a] = V[a][a] * (1 + lambda) + 1e-6;
+      invert_symmetric(V, e.inverse);
+      e.last = blocks_.size();
+      eliminate(e);
+    }
+    for (std::size_t i = 0; i < n_; ++i) S_[i * n_ + i] += 1e-9;
+  }
+
+  /// Solves for the poses. \return false when the system is singular
+  [[nodiscard]] bool solve() {
+    if (!solve_definite(S_, g_)) return false;
+    for (double x : g_) {
+      if (!std::isfinite(x)) return false;
+    }
+    return true;
+  }
+  /// Step of the pose in a slot, after solve().
+  [[nodiscard]] Twist pose_step(int slot) const {
+    Twist step;
+    for (int i = 0; i < 6; ++i) step(i) = g_[6 * static_cast<std::size_t>(slot) + static_cast<std::size_t>(i)];
+    return step;
+  }
+  /// Step of a point, after solve().
+  [[nodiscard]] Eigen::Vector3d point_step(std::size_t i) const {
+    const Eliminated& e = eliminated_[i];
+    double b[3] = {e.b[0], e.b[1], e.b[2]};
+    for (std::size_t k = e.first; k < e.last; ++k) {
+      const double* step = g_.data() + 6 * blocks_[k].slot;
+      for (int c = 0; c < 3; ++c) {
+        for (int r = 0; r < 6; ++r) b[c] -= blocks_[k].W[r][c] * step[r];
+      }
+    }
+    Eigen::Vector3d d;
+    for (int r = 0; r < 3; ++r) d(r) = e.inverse[r][0] * b[0] + e.inverse[r][1] * b[1] + e.inverse[r][2] * b[2];
+    return d;
+  }
+
+ private:
+  struct Block {  // what couples a pose with a point
+    std::size_t slot;
+    double W[6][3];
+  };
+  struct Eliminated {
+    double inverse[3][3] = {};
+    double b[3] = {};
+    std::size_t first = 0;  // its blocks
+    std::size_t last = 0;
+  };
+
+  template <int N, int M>
+  [[nodiscard]] static double product(const double (&A)[3][N], int a, const double (&B)[3][M], int b) {
+    return A[0][a] * B[0][b] + A[1][a] * B[1][b] + A[2][a] * B[2][b];
+  }
+  template <int N>
+  [[nodiscard]] static double times_residual(const double (&A)[3][N], int a, const double (&r)[3]) {
+    return A[0][a] * r[0] + A[1][a] * r[1] + A[2][a] * r[2];
+  }
+
+  void add_pose(std::size_t slot, const ViewJacobians& view, double lambda) {
+    Block block;
+    block.slot = slot;
+    for (int i = 0; i < 6; ++i) {
+      double* row = S_.data() + (6 * slot + static_cast<std::size_t>(i)) * n_ + 6 * slot;
+      for (int j = 0; j <= i; ++j) row[j] += view.weight * product(view.pose, i, view.pose, j) * (i == j ? 1 + lambda : 1.0);
+      g_[6 * slot + static_cast<std::size_t>(i)] -= view.weight * times_residual(view.pose, i, view.residual);
+      for (int j = 0; j < 3; ++j) block.W[i][j] = view.weight * product(view.pose, i, view.point, j);
+    }
+    blocks_.push_back(block);
+  }
+
+  void eliminate(const Eliminated& e) {
+    for (std::size_t a = e.first; a < e.last; ++a) {
+      const Block& A = blocks_[a];
+      double AV[6][3];
+      for (int i = 0; i < 6; ++i) {
+        for (int j = 0; j < 3; ++j)
+          AV[i][j] = A.W[i][0] * e.inverse[0][j] + A.W[i][1] * e.inverse[1][j] + A.W[i][2] * e.inverse[2][j];
+        g_[6 * A.slot + static_cast<std::size_t>(i)] -= AV[i][0] * e.b[0] + AV[i][1] * e.b[1] + AV[i][2] * e.b[2];
+      }
+      for (std::size_t c = e.first; c < e.last; ++c) {
+        const Block& C = blocks_[c];
+        if (C.slot > A.slot) continue;  // only the lower triangle is kept
+        for (int i = 0; i < 6; ++i) {
+          double* row = S_.data() + (6 * A.slot + static_cast<std::size_t>(i)) * n_ + 6 * C.slot;
+          for (int j = 0; j < 6; ++j) row[j] -= AV[i][0] * C.W[j][0] + AV[i][1] * C.W[j][1] + AV[i][2] * C.W[j][2];
+        }
+      }
+    }
+  }
+
+  std::size_t n_;
+  std::vector<double> S_;  // n x n, lower triangle
+  std::vector<double> g_;  // right side, then the solution
+  std::vector<Eliminated> eliminated_;
+  std::vector<Block> blocks_;
+};
 }  // namespace detail
 
 /// Levenberg-Marquardt with Huber weights; landmarks are eliminated by the Schur complement (Triggs et al. 2000).
 /// Views with `inlier == false` are left out; on return outliers by the chi-square test are marked.
 inline AdjustmentResult adjust(const Pinhole& camera, AdjustmentProblem& problem, int iterations = 5) {
-  using Matrix6d = Eigen::Matrix<double, 6, 6>;
-  using Matrix63 = Eigen::Matrix<double, 6, 3>;
   AdjustmentResult result;
   std::vector<int> slot(problem.T_camera_world.size(), -1);
   int n = 0;
   for (std::size_t i = 0; i < slot.size(); ++i)
     if (!problem.fixed[i]) slot[i] = n++;
-  std::vector<Eigen::Vector3d> points(problem.points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) points[i] = problem.points[i].point;
   std::vector<Pose> poses = problem.T_camera_world;
+  std::vector<Eigen::Vector3d> points;
+  points.reserve(problem.points.size());
+  for (const AdjustmentProblem::Point& p : problem.points) points.push_back(p.point);
+  std::vector<Pose> new_poses;
+  std::vector<Eigen::Vector3d> new_points;
   double cost = detail::adjustment_cost(camera, problem, poses, points);
   result.cost_before = cost;
   double lambda = 1e-4;
-  struct Elimination {
-    Eigen::Matrix3d inverse;
-    Eigen::Vector3d b;
-    int first_block = 0;
-    int blocks = 0;
-  };
-  std::vector<Elimination> eliminated(points.size());
-  std::vector<std::pair<int, Matrix63>> blocks;
-  blocks.reserve(problem.views.size());
+  detail::ReducedEquations equations(n, points.size(), problem.views.size());
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    Eigen::MatrixXd S = Eigen::MatrixXd::Zero(6 * n, 6 * n);
-    Eigen::VectorXd g = Eigen::VectorXd::Zero(6 * n);
-    blocks.clear();
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const AdjustmentProblem::Point& point = problem.points[i];
-      Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
-      Eigen::Vector3d b = Eigen::Vector3d::Zero();
-      const int first = static_cast<int>(blocks.size());
-      for (int k = point.first; k < point.first + point.count; ++k) {
-        const AdjustmentProblem::View& view = problem.views[static_cast<std::size_t>(k)];
-        if (!view.observation.inlier) continue;
-        const Pose& T = poses[static_cast<std::size_t>(view.pose)];
-        const Eigen::Vector3d p = T * points[i];
-        Eigen::Vector3d r;
-        Eigen::Matrix3d J = Eigen::Matrix3d::Zero();
-        if (!point_residual(camera, view.observation, p, r, &J)) continue;
-        const double limit = chi2_limit(view.observation);
-        const double e2 = r.squaredNorm();
-        const double w = view.observation.weight * (e2 > limit ? std::sqrt(limit / e2) : 1.0);
-        const Eigen::Matrix3d Jp = J * T.linear();
-        V.noalias() += w * Jp.transpose() * Jp;
-        b.noalias() -= w * Jp.transpose() * r;
-        const int s = slot[static_cast<std::size_t>(view.pose)];
-        if (s < 0) continue;
-        const Eigen::Matrix<double, 3, 6> Jt = J * point_twist_jacobian(p);
-        Matrix6d U = w * Jt.transpose() * Jt;
-        U.diagonal() *= 1 + lambda;
-        S.block<6, 6>(6 * s, 6 * s) += U;
-        g.segment<6>(6 * s) -= w * Jt.transpose() * r;
-        blocks.emplace_back(s, Matrix63(w * Jt.transpose() * Jp));
-      }
-      V.diagonal() *= 1 + lambda;
-      V.diagonal().array() += 1e-6;
-      Elimination& e = eliminated[i];
-      e.inverse = V.inverse();
-      e.b = b;
-      e.first_block = first;
-      e.blocks = static_cast<int>(blocks.size()) - first;
-      for (int a = 0; a < e.blocks; ++a) {
-        const auto& A = blocks[static_cast<std::size_t>(first + a)];
-        const Matrix63 AV = A.second * e.inverse;
-        g.segment<6>(6 * A.first) -= AV * b;
-        for (int c = a; c < e.blocks; ++c) {
-          const auto& C = blocks[static_cast<std::size_t>(first + c)];
-          const Matrix6d block = AV * C.second.transpose();
-          S.block<6, 6>(6 * A.first, 6 * C.first) -= block;
-          if (c != a) S.block<6, 6>(6 * C.first, 6 * A.first) -= block.transpose();
-        }
-      }
-    }
-    S.diagonal().array() += 1e-9;
-    const Eigen::LDLT<Eigen::MatrixXd> ldlt(S);
-    const Eigen::VectorXd step = ldlt.solve(g);
-    if (ldlt.info() != Eigen::Success || !step.allFinite()) {
+    equations.build(camera, problem, slot, poses, points, lambda);
+    if (!equations.solve()) {
       result.status = Status::SingularSystem;
       break;
     }
-    std::vector<Pose> new_poses = poses;
+    new_poses = poses;
     for (std::size_t i = 0; i < poses.size(); ++i)
-      if (slot[i] >= 0) new_poses[i] = normalized(se3_exp(Twist(step.segment<6>(6 * slot[i]))) * poses[i]);
-    std::vector<Eigen::Vector3d> new_points = points;
+      if (slot[i] >= 0) new_poses[i] = normalized(compose(se3_exp(equations.pose_step(slot[i])), poses[i]));
+    new_points = points;
     for (std::size_t i = 0; i < points.size(); ++i) {
-      const Elimination& e = eliminated[i];
-      Eigen::Vector3d b = e.b;
-      for (int a = 0; a < e.blocks; ++a) {
-        const auto& A = blocks[static_cast<std::size_t>(e.first_block + a)];
-        b -= A.second.transpose() * step.segment<6>(6 * A.first);
-      }
-      const Eigen::Vector3d d = e.inverse * b;
-      if (d.allFinite()) new_points[i] += d;
+      const Eigen::Vector3d d = equations.point_step(i);
+      if (all_finite(d)) new_points[i] = plus(points[i], d);
     }
     const double new_cost = detail::adjustment_cost(camera, problem, new_poses, new_points);
     ++result.iterations;
@@ -186,11 +289,10 @@ inline AdjustmentResult adjust(const Pinhole& camera, AdjustmentProblem& problem
     point.point = points[i];
     for (int k = point.first; k < point.first + point.count; ++k) {
       AdjustmentProblem::View& view = problem.views[static_cast<std::size_t>(k)];
+      const Pose& T = problem.T_camera_world[static_cast<std::size_t>(view.pose)];
       Eigen::Vector3d r;
-      view.observation.inlier =
-          point_residual(camera, view.observation, problem.T_camera_world[static_cast<std::size_t>(view.pose)] * points[i],
-                         r) &&
-          r.squaredNorm() <= chi2_limit(view.observation);
+      view.observation.inlier = point_residual(camera, view.observation, transform(T, points[i]), r) &&
+                                squared_norm(r) <= chi2_limit(view.observation);
     }
   }
   return result;
