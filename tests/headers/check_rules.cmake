@@ -86,7 +86,7 @@ endforeach()
 # The umbrella names every header that needs Eigen only.
 foreach(header IN LISTS headers)
   string(REGEX REPLACE "^apso/" "" short ${header})
-  if(short MATCHES "^(opencv|sophus|io|testing|tracker)/" OR short MATCHES "(_impl|/detail)\\.hpp$" OR short STREQUAL "apso.hpp")
+  if(short MATCHES "^(opencv|sophus|io|testing)/" OR short MATCHES "(_impl|/detail)\\.hpp$" OR short STREQUAL "apso.hpp")
     continue()
   endif()
   if(NOT short IN_LIST umbrella)

@@ -1,0 +1,196 @@
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <bitset>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <list>
+#include <random>
+#include <vector>
+
+#include <apso/testing/synthetic_features.hpp>
+#include <apso/track.hpp>
+
+#include "../foreign_types.hpp"
+
+using namespace apso;
+
+namespace {
+
+struct Recording {
+  testing::SyntheticSequence room;
+  testing::SyntheticFeatures found;
+  testing::SyntheticFrame image;
+  explicit Recording(const char* name) : room(name, small()), found(room.camera(), 12, 0.3) {}
+  static testing::SyntheticOptions small() {
+    testing::SyntheticOptions o;
+    o.width = 320;
+    o.height = 240;
+    o.seed = 103;
+    return o;
+  }
+  void next(int i) {
+    room.render(i, image);
+    found.find(image);
+  }
+  [[nodiscard]] Pose truth(int i) const { return compose(inverse(room.T_world_camera(0)), room.T_world_camera(i)); }
+};
+
+double position_error(const Pose& a, const Pose& b) { return (a.translation() - b.translation()).norm(); }
+
+}  // namespace
+
+TEST_CASE("the distance of descriptors counts differing bits, up to all of them") {
+  std::mt19937 rng(1);
+  Descriptor zero{};
+  Descriptor ones;
+  ones.fill(0xFF);
+  CHECK(hamming(zero, zero) == 0);
+  CHECK(hamming(zero, ones) == 256);
+  for (int i = 0; i < 200; ++i) {
+    Descriptor a, b;
+    int expected = 0;
+    for (std::size_t k = 0; k < 32; ++k) {
+      a[k] = static_cast<std::uint8_t>(rng());
+      b[k] = static_cast<std::uint8_t>(rng());
+      expected += static_cast<int>(std::bitset<8>(static_cast<unsigned>(a[k] ^ b[k])).count());
+    }
+    CHECK(hamming(a, b) == expected);
+  }
+}
+
+TEST_CASE("the tracker follows a room without OpenCV, says how certain it is, and keeps the people out by their mask") {
+  Recording r("walking_xyz");
+  LandmarkTracker tracker(r.room.camera());
+  Image<float> mask;
+  for (int i = 0; i < 25; ++i) {
+    r.next(i);
+    testing::true_dynamic_probability(r.image, mask);
+    tracker.begin(r.image.rgbd(), r.found.keypoints(), r.found.descriptors(), r.found.tracks());
+    const FeatureResult pose = tracker.estimate(mask);
+    REQUIRE(pose.ok);
+    CHECK(position_error(pose.T_world_camera, r.truth(i)) < 0.01);
+    if (i > 0) {
+      CHECK(pose.matches >= pose.inliers);
+      CHECK(pose.inliers > 100);
+      CHECK(pose.track_inliers > 100);
+      CHECK(eigenvalues_exceed(1.0, pose.information));  // every direction is known better than to a metre or radian
+    }
+    tracker.commit(pose.T_world_camera, mask, true);
+  }
+  CHECK(tracker.keyframes() >= 2);
+  CHECK(tracker.landmarks() > 100);
+}
+
+TEST_CASE("foreign images, keypoints, tracks and poses give the same poses as apso's own") {
+  Recording r("static_xyz");
+  LandmarkTracker own(r.room.camera());
+  BasicLandmarkTracker<foreign::DualQuaternionPose> dual(r.room.camera());
+  BasicLandmarkTracker<foreign::RowMajor3x4Pose> rows(r.room.camera());
+  for (int i = 0; i < 12; ++i) {
+    r.next(i);
+    const foreign::PaddedU16 raw = foreign::padded_u16(r.image.depth, 1 / 5000.F);
+    const foreign::AtOnly grey = foreign::at_only(r.image.intensity);
+    const Image<float> depth = foreign::native(raw, 1 / 5000.F);
+    const auto corners = foreign::corners(r.found.keypoints());
+    const auto features = foreign::features(r.found.tracks());
+    const std::list<Descriptor> descriptors(r.found.descriptors().begin(), r.found.descriptors().end());
+    Image<float> mask(320, 240, 0.0F);
+    for (int y = 0; y < 240; ++y)
+      for (int x = 0; x < 60; ++x) mask(x, y) = 0.8F;
+    const foreign::PaddedU16 foreign_mask = foreign::padded_u16(mask, 1 / 5.F);
+
+    RgbdFrame frame{r.image.timestamp, r.image.intensity.view(), depth.view()};
+    own.begin(frame, r.found.keypoints(), r.found.descriptors(), r.found.tracks());
+    const FeatureResult a = own.estimate(mask);
+    own.commit(a.T_world_camera, mask, true);
+
+    const auto theirs = apso::frame(r.image.timestamp, grey, scaled(raw, 1 / 5000.F), r.room.camera());
+    dual.begin(theirs, corners, descriptors, features);
+    const auto b = dual.estimate(scaled(foreign_mask, 1 / 5.F));
+    dual.commit(b.T_world_camera, scaled(foreign_mask, 1 / 5.F), true);
+
+    ImageView<const std::uint8_t> bytes(descriptors.front().data(), 32, 1);
+    std::vector<std::uint8_t> table;
+    for (const Descriptor& d : descriptors) table.insert(table.end(), d.begin(), d.end());
+    bytes = {table.data(), 32, static_cast<int>(descriptors.size())};
+    rows.begin(theirs, corners, bytes, none);
+    const auto c = rows.estimate(scaled(foreign_mask, 1 / 5.F));
+    rows.commit(c.T_world_camera, none, true);
+
+    REQUIRE(a.ok);
+    REQUIRE(b.ok);
+    REQUIRE(c.ok);
+    CHECK(b.inliers == a.inliers);
+    CHECK(b.track_inliers == a.track_inliers);
+    CHECK(c.track_inliers == 0);
+    CHECK((to_pose(b.T_world_camera).matrix() - a.T_world_camera.matrix()).norm() < 1e-9);
+    CHECK(position_error(to_pose(c.T_world_camera), r.truth(i)) < 0.02);
+  }
+}
+
+TEST_CASE("tracks may come in any order") {
+  Recording r("static_xyz");
+  LandmarkTracker sorted(r.room.camera());
+  LandmarkTracker shuffled(r.room.camera());
+  std::mt19937 rng(5);
+  for (int i = 0; i < 6; ++i) {
+    r.next(i);
+    std::vector<PointTrack> tracks = r.found.tracks();
+    std::shuffle(tracks.begin(), tracks.end(), rng);
+    sorted.begin(r.image.rgbd(), r.found.keypoints(), r.found.descriptors(), r.found.tracks());
+    shuffled.begin(r.image.rgbd(), r.found.keypoints(), r.found.descriptors(), tracks);
+    const FeatureResult a = sorted.estimate();
+    const FeatureResult b = shuffled.estimate();
+    if (i > 0) {
+      CHECK(a.track_inliers > 100);
+      CHECK(std::abs(a.track_inliers - b.track_inliers) < 10);
+    }
+    sorted.commit(a.T_world_camera, none, true);
+    shuffled.commit(b.T_world_camera, none, true);
+  }
+}
+
+TEST_CASE("the tracks carry the pose where the map shows nothing, but not for ever") {
+  Recording r("static_xyz");
+  LandmarkTrackerOptions options;
+  options.max_frames_on_tracks = 3;
+  LandmarkTracker tracker(r.room.camera(), options);
+  const std::vector<Keypoint> no_keypoints;
+  const std::vector<Descriptor> no_descriptors;
+  for (int i = 0; i < 12; ++i) {
+    r.next(i);
+    if (i < 5) {
+      tracker.begin(r.image.rgbd(), r.found.keypoints(), r.found.descriptors(), r.found.tracks());
+    } else {
+      tracker.begin(r.image.rgbd(), no_keypoints, no_descriptors, r.found.tracks());
+    }
+    const FeatureResult pose = tracker.estimate();
+    CHECK(pose.ok == (i < 8));
+    CHECK(pose.from_tracks == (i >= 5 && i < 8));
+    if (pose.ok) CHECK(position_error(pose.T_world_camera, r.truth(i)) < 0.02);
+    tracker.commit(pose.T_world_camera, none, true);
+  }
+}
+
+TEST_CASE("wrong calls of the tracker are told") {
+  Recording r("static_xyz");
+  r.next(0);
+  LandmarkTracker tracker(r.room.camera());
+  CHECK_THROWS_AS(tracker.estimate(), contract_error);
+  CHECK_THROWS_AS(tracker.commit(Pose::Identity(), none, true), contract_error);
+  const std::vector<Descriptor> too_few(r.found.descriptors().begin(), r.found.descriptors().begin() + 3);
+  CHECK_THROWS_AS(tracker.begin(r.image.rgbd(), r.found.keypoints(), too_few, none), contract_error);
+  const std::vector<std::uint8_t> bytes(16 * r.found.keypoints().size());
+  const ImageView<const std::uint8_t> half(bytes.data(), 16, static_cast<int>(r.found.keypoints().size()));
+  CHECK_THROWS_AS(tracker.begin(r.image.rgbd(), r.found.keypoints(), half, none), contract_error);
+  const Image<float> small(10, 10, 1.0F);
+  const RgbdFrame wrong_size{0, small.view(), small.view()};
+  CHECK_THROWS_AS(tracker.begin(wrong_size, r.found.keypoints(), r.found.descriptors(), none), contract_error);
+  tracker.begin(r.image.rgbd(), r.found.keypoints(), r.found.descriptors(), none);
+  CHECK_THROWS_AS(tracker.estimate(small), contract_error);
+  LandmarkTrackerOptions bad;
+  bad.dynamic_threshold = 3;
+  CHECK_THROWS_AS(LandmarkTracker(r.room.camera(), bad), contract_error);
+}
