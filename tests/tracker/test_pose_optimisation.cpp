@@ -199,7 +199,7 @@ TEST_CASE("bundle adjustment brings disturbed poses and points back") {
     }
     problem.points.push_back(point);
   }
-  const AdjustmentResult result = adjust(kCamera, problem, 20);
+  const AdjustmentResult result = adjust_window(kCamera, problem, 20);
   CHECK(succeeded(result.status));
   CHECK(result.cost_after < 1e-3 * result.cost_before);
   for (std::size_t k = 0; k < 4; ++k) CHECK(distance(problem.T_camera_world[k], truth[k]) < 1e-3);

@@ -118,7 +118,7 @@ void copy_descriptors(const Descriptors& descriptors, std::vector<Descriptor>& o
 }
 
 /// A feature as an observation of a world point.
-[[nodiscard]] inline PointObservation observation(const FeatureSet& set, int feature, const Eigen::Vector3d& point, float weight,
+[[nodiscard]] inline PointObservation observation_of(const FeatureSet& set, int feature, const Eigen::Vector3d& point, float weight,
                                                   const Octaves& octaves) {
   const auto f = static_cast<std::size_t>(feature);
   PointObservation o;

@@ -83,7 +83,7 @@ inline int new_keyframe(const Pinhole& camera, const WeightedFeatures& features,
 /// Refines the last keyframes and what they see; keyframes outside the window that see the same stay fixed. The map stays as
 /// it is when the adjustment fails.
 /// \param window how many keyframes are refined
-inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves, int window, LocalMap& map, Marks& marks) {
+inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves, int window, LocalMap& map, PassMarks& marks) {
   constexpr int kIterations = 4;  // one keyframe after another, so that each starts close to its end
   AdjustmentProblem problem;
   std::vector<int> pose_of(map.keyframes().size(), -1);
@@ -106,7 +106,7 @@ inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves,
       if (l >= 0 && marks.mark(l)) (map.landmark(l).views.size() > 1 ? points : single).push_back(l);
   bool anchored = problem.fixed[refined - 1] != 0;
   for (int l : points) {
-    const Landmark& landmark = map.landmark(l);
+    const MapLandmark& landmark = map.landmark(l);
     AdjustmentProblem::Point point;
     point.point = landmark.point;
     point.first = static_cast<int>(problem.views.size());
@@ -117,14 +117,14 @@ inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves,
       }
       AdjustmentProblem::View view;
       view.pose = pose_of[static_cast<std::size_t>(v.keyframe)];
-      view.observation = observation(map.keyframe(v.keyframe).features, v.feature, landmark.point, 1.0F, octaves);
+      view.observation = observation_of(map.keyframe(v.keyframe).features, v.feature, landmark.point, 1.0F, octaves);
       problem.views.push_back(view);
       ++point.count;
     }
     problem.points.push_back(point);
   }
   if (!anchored) problem.fixed[refined - 1] = 1;
-  if (!succeeded(adjust(camera, problem, kIterations).status)) return;
+  if (!succeeded(adjust_window(camera, problem, kIterations).status)) return;
   for (std::size_t i = 0; i < keyframe_of.size(); ++i)
     if (!problem.fixed[i]) map.keyframe(keyframe_of[i]).T_world_camera = inverse(problem.T_camera_world[i]);
   for (std::size_t i = 0; i < points.size(); ++i) {

@@ -90,7 +90,7 @@ class LandmarkMatcher {
       LocalLandmark& entry = local_[i];
       entry.feature = -1;
       entry.inside = false;
-      const Landmark& l = map.landmark(entry.landmark);
+      const MapLandmark& l = map.landmark(entry.landmark);
       const Eigen::Vector3d p = transform(T_camera_world, l.point);
       if (p.z() < 0.1) continue;
       const Eigen::Vector2d uv = camera_.project(p);
@@ -121,7 +121,7 @@ class LandmarkMatcher {
   /// Pairs all landmarks of a keyframe with keypoints by descriptor alone.
   /// \return whether there are enough pairs to try a pose
   bool match_keyframe(const LocalMap& map, const WeightedFeatures& features, int keyframe) {
-    const Keyframe& k = map.keyframe(keyframe);
+    const MapKeyframe& k = map.keyframe(keyframe);
     begin_matches(features);
     for (std::size_t i = 0; i < k.landmark.size(); ++i) {
       if (k.landmark[i] < 0) continue;
@@ -158,7 +158,7 @@ class LandmarkMatcher {
   std::vector<PointObservation>& observe(const LocalMap& map, const WeightedFeatures& features) {
     observations_.clear();
     for (const LandmarkMatch& m : matches_)
-      observations_.push_back(observation(features, m.feature, map.landmark(m.landmark).point,
+      observations_.push_back(observation_of(features, m.feature, map.landmark(m.landmark).point,
                                           features.weight[static_cast<std::size_t>(m.feature)], octaves_));
     return observations_;
   }
@@ -215,7 +215,7 @@ class LandmarkMatcher {
     turns_.clear();
   }
 
-  [[nodiscard]] static Nearest nearest(const WeightedFeatures& features, const Landmark& l, const LocalLandmark& at, int level,
+  [[nodiscard]] static Nearest nearest(const WeightedFeatures& features, const MapLandmark& l, const LocalLandmark& at, int level,
                                        double radius, double inverse_depth) {
     Nearest best;
     features.grid.near(at.u, at.v, radius, [&](int f) {
@@ -264,7 +264,7 @@ class LandmarkMatcher {
   Octaves octaves_;
   std::vector<int> keyframes_;
   std::vector<int> shared_;
-  Marks taken_landmarks_;
+  PassMarks taken_landmarks_;
   std::vector<LocalLandmark> local_;
   std::vector<LandmarkMatch> matches_;
   std::vector<PointObservation> observations_;

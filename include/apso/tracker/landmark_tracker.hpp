@@ -279,7 +279,7 @@ class BasicLandmarkTracker {
   Pinhole camera_;
   LandmarkTrackerOptions options_;
   LocalMap map_;
-  Marks marks_;
+  PassMarks marks_;
   LandmarkMatcher matcher_;
   KeyframeDecision decision_;
   TrackMotion motion_;

@@ -19,7 +19,7 @@
 APSO_NAMESPACE_BEGIN
 
 /// A keyframe: pose, features, and for each feature the landmark it shows (-1 = none).
-struct Keyframe {
+struct MapKeyframe {
   bool alive = false;
   Pose T_world_camera = Pose::Identity();
   double timestamp = 0;
@@ -34,7 +34,7 @@ struct LandmarkView {
 };
 
 /// A point of the static world.
-struct Landmark {
+struct MapLandmark {
   bool alive = false;
   Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< world frame [m]
   Descriptor descriptor{};                          ///< of the view that is most like the others
@@ -49,14 +49,14 @@ struct Landmark {
 };
 
 /// Says of each of many indices whether it was met in the current pass; a new pass costs nothing.
-class Marks {
+class PassMarks {
  public:
   /// Begins a pass over indices below n.
   void begin(std::size_t n) {
     if (pass_of_.size() < n) pass_of_.resize(n, 0);
     ++pass_;
   }
-  /// Marks an index. \return false when it was marked before
+  /// PassMarks an index. \return false when it was marked before
   bool mark(int i) {
     int& p = pass_of_[static_cast<std::size_t>(i)];
     if (p == pass_) return false;
@@ -73,19 +73,19 @@ class Marks {
 /// The keyframes and the landmarks they see. Indices stay valid; what is forgotten is no longer `alive`.
 class LocalMap {
  public:
-  [[nodiscard]] const std::vector<Keyframe>& keyframes() const { return keyframes_; }
-  [[nodiscard]] std::vector<Keyframe>& keyframes() { return keyframes_; }
-  [[nodiscard]] const std::vector<Landmark>& landmarks() const { return landmarks_; }
-  [[nodiscard]] Landmark& landmark(int i) { return landmarks_[static_cast<std::size_t>(i)]; }
-  [[nodiscard]] const Landmark& landmark(int i) const { return landmarks_[static_cast<std::size_t>(i)]; }
-  [[nodiscard]] Keyframe& keyframe(int i) { return keyframes_[static_cast<std::size_t>(i)]; }
-  [[nodiscard]] const Keyframe& keyframe(int i) const { return keyframes_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] const std::vector<MapKeyframe>& keyframes() const { return keyframes_; }
+  [[nodiscard]] std::vector<MapKeyframe>& keyframes() { return keyframes_; }
+  [[nodiscard]] const std::vector<MapLandmark>& landmarks() const { return landmarks_; }
+  [[nodiscard]] MapLandmark& landmark(int i) { return landmarks_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] const MapLandmark& landmark(int i) const { return landmarks_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] MapKeyframe& keyframe(int i) { return keyframes_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] const MapKeyframe& keyframe(int i) const { return keyframes_[static_cast<std::size_t>(i)]; }
   [[nodiscard]] int living_landmarks() const { return living_landmarks_; }
   [[nodiscard]] int living_keyframes() const { return living_keyframes_; }
   [[nodiscard]] int last_keyframe() const { return static_cast<int>(keyframes_.size()) - 1; }
 
   int add_keyframe(double timestamp, const Pose& T_world_camera, const FeatureSet& features) {
-    Keyframe k;
+    MapKeyframe k;
     k.alive = true;
     k.timestamp = timestamp;
     k.T_world_camera = T_world_camera;
@@ -102,12 +102,12 @@ class LocalMap {
     if (!free_.empty()) {
       i = free_.back();
       free_.pop_back();
-      landmark(i) = Landmark{};
+      landmark(i) = MapLandmark{};
     } else {
       i = static_cast<int>(landmarks_.size());
       landmarks_.emplace_back();
     }
-    Landmark& l = landmark(i);
+    MapLandmark& l = landmark(i);
     l.alive = true;
     l.born = frame_number;
     ++living_landmarks_;
@@ -118,8 +118,8 @@ class LocalMap {
 
   /// Puts a landmark where its first view sees it, if that view has depth.
   void move_with_keyframe(int landmark_index, const Pinhole& camera) {
-    Landmark& l = landmark(landmark_index);
-    const Keyframe& k = keyframe(l.views.front().keyframe);
+    MapLandmark& l = landmark(landmark_index);
+    const MapKeyframe& k = keyframe(l.views.front().keyframe);
     const auto f = static_cast<std::size_t>(l.views.front().feature);
     const Keypoint& p = k.features.keypoints[f];
     if (!(k.features.inverse_depth[f] > 0)) return;
@@ -133,7 +133,7 @@ class LocalMap {
 
   /// Removes one view; the landmark dies with its last.
   void remove_view(int landmark_index, int keyframe) {
-    Landmark& l = landmark(landmark_index);
+    MapLandmark& l = landmark(landmark_index);
     for (std::size_t i = 0; i < l.views.size(); ++i)
       if (l.views[i].keyframe == keyframe) {
         this->keyframe(keyframe).landmark[static_cast<std::size_t>(l.views[i].feature)] = -1;
@@ -144,7 +144,7 @@ class LocalMap {
   }
 
   void kill(int landmark_index) {
-    Landmark& l = landmark(landmark_index);
+    MapLandmark& l = landmark(landmark_index);
     if (!l.alive) return;
     for (const LandmarkView& v : l.views) keyframe(v.keyframe).landmark[static_cast<std::size_t>(v.feature)] = -1;
     l.views.clear();
@@ -154,7 +154,7 @@ class LocalMap {
   }
 
   void forget_keyframe(int index) {
-    Keyframe& k = keyframe(index);
+    MapKeyframe& k = keyframe(index);
     if (!k.alive) return;
     for (std::size_t f = 0; f < k.landmark.size(); ++f)
       if (k.landmark[f] >= 0) remove_view(k.landmark[f], index);
@@ -166,7 +166,7 @@ class LocalMap {
 
   /// Descriptor, viewing direction and scale from the views.
   void refresh(int landmark_index, const Octaves& octaves) {
-    Landmark& l = landmark(landmark_index);
+    MapLandmark& l = landmark(landmark_index);
     if (!l.alive || l.views.empty()) return;
     const std::size_t n = l.views.size();
     const std::size_t start = n > 8 ? n - 8 : 0;  // the latest views are the ones that matter
@@ -193,15 +193,15 @@ class LocalMap {
     const double length = norm(sum);
     for (int i = 0; i < 3; ++i) l.direction(i) = length > 0 ? sum(i) / length : 0.0;
     const LandmarkView& last = l.views.back();
-    const Keyframe& k = keyframe(last.keyframe);
+    const MapKeyframe& k = keyframe(last.keyframe);
     const Keypoint& p = k.features.keypoints[static_cast<std::size_t>(last.feature)];
     l.angle = p.angle;
     l.unit_distance = norm(minus(translation(k.T_world_camera), l.point)) * octaves.sigma(p.octave);
   }
 
  private:
-  std::vector<Keyframe> keyframes_;
-  std::vector<Landmark> landmarks_;
+  std::vector<MapKeyframe> keyframes_;
+  std::vector<MapLandmark> landmarks_;
   std::vector<int> free_;
   int living_landmarks_ = 0;
   int living_keyframes_ = 0;

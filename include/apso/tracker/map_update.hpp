@@ -43,7 +43,7 @@ inline MaskedAt masked_at(const WeightedFeatures& features, const LocalLandmark&
 /// \param[out] seen the landmarks that the frame shows
 /// \return how many these are
 inline int update_landmarks(const WeightedFeatures& features, const Pose& T_world_camera, LandmarkMatcher& matcher, LocalMap& map,
-                            Marks& marks, std::vector<int>& seen) {
+                            PassMarks& marks, std::vector<int>& seen) {
   matcher.check(map, features, T_world_camera);
   seen.clear();
   marks.begin(map.landmarks().size());
@@ -56,7 +56,7 @@ inline int update_landmarks(const WeightedFeatures& features, const Pose& T_worl
   }
   const Pose T_camera_world = inverse(T_world_camera);
   for (const LocalLandmark& entry : matcher.local()) {
-    Landmark& l = map.landmark(entry.landmark);
+    MapLandmark& l = map.landmark(entry.landmark);
     if (!l.alive || !entry.inside || marks.marked(entry.landmark)) continue;
     const detail::MaskedAt here = detail::masked_at(features, entry, 1 / transform(T_camera_world, l.point).z());
     if (!here.masked) {

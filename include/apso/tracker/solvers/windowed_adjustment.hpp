@@ -236,7 +236,7 @@ class ReducedEquations {
 
 /// Levenberg-Marquardt with Huber weights; landmarks are eliminated by the Schur complement (Triggs et al. 2000).
 /// Views with `inlier == false` are left out; on return outliers by the chi-square test are marked.
-inline AdjustmentResult adjust(const Pinhole& camera, AdjustmentProblem& problem, int iterations = 5) {
+inline AdjustmentResult adjust_window(const Pinhole& camera, AdjustmentProblem& problem, int iterations = 5) {
   AdjustmentResult result;
   std::vector<int> slot(problem.T_camera_world.size(), -1);
   int n = 0;
