@@ -1,138 +1,219 @@
 /// \file
 /// Robust kernels: rho(s) for the cost and w(s) = rho'(s)/s for iteratively reweighted least squares, where s is a
-/// residual divided by its standard deviation. The paper's eq. (direct optimization approach) calls the kernel C and
-/// leaves it open; Cauchy is the default.
+/// residual divided by its standard deviation. The paper's eq. (15) calls the kernel C and leaves it open; Cauchy is the default.
+///
+/// A kernel is one small struct with two functions of the squared residual s^2, written once for a number and for Lanes:
+///
+/// \code
+/// struct Lorentz {
+///   double k = 2;
+///   template <class T> T weight(const T& s2) const { return T(1) / (T(1) + s2 / T(k * k)); }
+///   template <class T> T rho(const T& s2) const { using std::log; return T(k * k / 2) * log(T(1) + s2 / T(k * k)); }
+/// };
+/// \endcode
+///
+/// `min`, `max`, `abs`, `sqrt`, `exp`, `expm1`, `log`, `log1p` exist for Lanes by these names (math/lanes.hpp, lane_functions.hpp);
+/// where a formula branches, `select(condition, a, b)` takes the place of `?:`. BasicDirectAligner takes such a struct.
 ///
 /// The default constants give 95 % efficiency for Gaussian residuals. Sources: Holland & Welsch 1977 (constants),
 /// Barron, "A General and Adaptive Robust Loss Function", CVPR 2019; Chebrolu et al., RA-L 2021 (choice of alpha).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstddef>
-#include <limits>
+#include <type_traits>
 
 #include <apso/config.hpp>
+#include <apso/math/lane_functions.hpp>
+#include <apso/math/lanes.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-enum class KernelKind { L2, Huber, PseudoHuber, Fair, Cauchy, GemanMcClure, Welsch, Tukey, StudentT, TruncatedL2, Barron };
-constexpr std::array<const char*, 11> enum_names(KernelKind) {
+enum class KernelKind {
+  L2,
+  Huber,
+  PseudoHuber,
+  Fair,
+  Cauchy,
+  GemanMcClure,
+  Welsch,
+  Tukey,
+  StudentT,
+  TruncatedL2,
+  Barron,          ///< with the alpha that is given
+  AdaptiveBarron,  ///< with the alpha that explains the residuals best, at each level
+};
+constexpr std::array<const char*, 12> enum_names(KernelKind) {
   return {"l2",     "huber", "pseudo_huber", "fair",         "cauchy", "geman_mcclure",
-          "welsch", "tukey", "student_t",    "truncated_l2", "barron"};
+          "welsch", "tukey", "student_t",    "truncated_l2", "barron", "adaptive_barron"};
 }
 
 /// Constant of a kernel: 95 % efficiency for Gaussian residuals (Student-t: nu = 5, 94.2 %; truncated L2: the 99.5 %
 /// point of chi-square; Barron: scale c of alpha = 0).
 [[nodiscard]] constexpr double default_constant(KernelKind kind) {
-  switch (kind) {
-    case KernelKind::L2: return 1.0;
-    case KernelKind::Huber: return 1.345;
-    case KernelKind::PseudoHuber: return 1.2871;
-    case KernelKind::Fair: return 1.3998;
-    case KernelKind::Cauchy: return 2.3849;
-    case KernelKind::GemanMcClure: return 3.7874;
-    case KernelKind::Welsch: return 2.9846;
-    case KernelKind::Tukey: return 4.6851;
-    case KernelKind::StudentT: return 5.0;
-    case KernelKind::TruncatedL2: return 2.795;
-    case KernelKind::Barron: return 1.686;
-  }
-  return 1.0;
+  constexpr double constants[] = {1.0, 1.345, 1.2871, 1.3998, 2.3849, 3.7874, 2.9846, 4.6851, 5.0, 2.795, 1.686, 1.686};
+  return constants[static_cast<int>(kind)];
 }
 
-/// One struct per kernel; all take the squared residual s2 = s*s, so that a loop needs no square root it can avoid.
+/// One struct per kernel. They take the squared residual s2 = s*s, so that a loop needs no square root it can avoid.
 namespace kernels {
-template <class T>
 struct L2 {
-  [[nodiscard]] T weight(T) const { return T(1); }
-  [[nodiscard]] T rho(T s2) const { return s2 / 2; }
-};
-template <class T>
-struct Huber {
-  T k;
-  [[nodiscard]] T weight(T s2) const { return s2 <= k * k ? T(1) : k / std::sqrt(s2); }
-  [[nodiscard]] T rho(T s2) const { return s2 <= k * k ? s2 / 2 : k * std::sqrt(s2) - k * k / 2; }
-};
-template <class T>
-struct PseudoHuber {
-  T k;
-  [[nodiscard]] T weight(T s2) const { return 1 / std::sqrt(1 + s2 / (k * k)); }
-  [[nodiscard]] T rho(T s2) const { return s2 / (1 + std::sqrt(1 + s2 / (k * k))); }  // k^2 (sqrt(1+x)-1), stable
-};
-template <class T>
-struct Fair {
-  T k;
-  [[nodiscard]] T weight(T s2) const { return 1 / (1 + std::sqrt(s2) / k); }
-  [[nodiscard]] T rho(T s2) const {
-    const T a = std::sqrt(s2) / k;
-    return k * k * (a - std::log1p(a));
+  template <class T>
+  [[nodiscard]] T weight(const T&) const {
+    return T(1);
+  }
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    return T(0.5) * s2;
   }
 };
-template <class T>
-struct Cauchy {
-  T k;
-  [[nodiscard]] T weight(T s2) const { return 1 / (1 + s2 / (k * k)); }
-  [[nodiscard]] T rho(T s2) const { return k * k / 2 * std::log1p(s2 / (k * k)); }
+struct Huber {
+  double k;
+  template <class T>
+  [[nodiscard]] T weight(const T& s2) const {
+    using std::sqrt;
+    return select(s2 <= T(k * k), T(1), T(k) / sqrt(s2));
+  }
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    using std::sqrt;
+    return select(s2 <= T(k * k), T(0.5) * s2, T(k) * sqrt(s2) - T(k * k / 2));
+  }
 };
-template <class T>
+struct PseudoHuber {
+  double k;
+  template <class T>
+  [[nodiscard]] T weight(const T& s2) const {
+    using std::sqrt;
+    return T(1) / sqrt(T(1) + s2 * T(1 / (k * k)));
+  }
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    using std::sqrt;
+    return s2 / (T(1) + sqrt(T(1) + s2 * T(1 / (k * k))));  // k^2 (sqrt(1+x) - 1) without a difference
+  }
+};
+struct Fair {
+  double k;
+  template <class T>
+  [[nodiscard]] T weight(const T& s2) const {
+    using std::sqrt;
+    return T(1) / (T(1) + sqrt(s2) * T(1 / k));
+  }
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    using std::log1p;
+    using std::sqrt;
+    const T a = sqrt(s2) * T(1 / k);
+    return T(k * k) * (a - log1p(a));
+  }
+};
+struct Cauchy {
+  double k;
+  template <class T>
+  [[nodiscard]] T weight(const T& s2) const {
+    return T(1) / (T(1) + s2 * T(1 / (k * k)));
+  }
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    using std::log;  // costs are sums: what 1 + x rounds off does not count, and the sum 1 + x is there for the weight
+    return T(0.5 * k * k) * log(T(1) + s2 * T(1 / (k * k)));
+  }
+};
 struct GemanMcClure {
-  T k;
-  [[nodiscard]] T weight(T s2) const {
-    const T q = 1 / (1 + s2 / (k * k));
+  double k;
+  template <class T>
+  [[nodiscard]] T weight(const T& s2) const {
+    const T q = T(1) / (T(1) + s2 * T(1 / (k * k)));
     return q * q;
   }
-  [[nodiscard]] T rho(T s2) const { return s2 / 2 / (1 + s2 / (k * k)); }
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    return T(0.5) * s2 / (T(1) + s2 * T(1 / (k * k)));
+  }
 };
-template <class T>
 struct Welsch {
-  T k;
-  [[nodiscard]] T weight(T s2) const { return std::exp(-s2 / (k * k)); }
-  [[nodiscard]] T rho(T s2) const { return -k * k / 2 * std::expm1(-s2 / (k * k)); }
+  double k;
+  template <class T>
+  [[nodiscard]] T weight(const T& s2) const {
+    using std::exp;
+    return exp(s2 * T(-1 / (k * k)));
+  }
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    using std::expm1;
+    return T(-0.5 * k * k) * expm1(s2 * T(-1 / (k * k)));
+  }
 };
-template <class T>
 struct Tukey {
-  T k;
-  [[nodiscard]] T weight(T s2) const {
-    const T q = 1 - s2 / (k * k);
-    return q > 0 ? q * q : T(0);
+  double k;
+  template <class T>
+  [[nodiscard]] T weight(const T& s2) const {
+    using std::max;
+    const T q = max(T(1) - s2 * T(1 / (k * k)), T(0));
+    return q * q;
   }
-  [[nodiscard]] T rho(T s2) const {
-    const T x = s2 / (k * k);
-    return x < 1 ? s2 / 2 * (1 - x + x * x / 3) : k * k / 6;  // k^2/6 (1-(1-x)^3), stable near 0
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    using std::min;
+    const T x = min(s2 * T(1 / (k * k)), T(1));
+    return T(0.5 * k * k) * x * (T(1) - x + x * x * T(1.0 / 3));  // k^2/6 (1 - (1-x)^3) without a difference
   }
 };
-template <class T>
 struct StudentT {
-  T nu;
-  [[nodiscard]] T weight(T s2) const { return (nu + 1) / (nu + s2); }
-  [[nodiscard]] T rho(T s2) const { return (nu + 1) / 2 * std::log1p(s2 / nu); }
-};
-template <class T>
-struct TruncatedL2 {
-  T k;
-  [[nodiscard]] T weight(T s2) const { return s2 <= k * k ? T(1) : T(0); }
-  [[nodiscard]] T rho(T s2) const { return s2 <= k * k ? s2 / 2 : k * k / 2; }
-};
-/// Barron's family, scaled by c^2 so that rho ~ s^2/2 near 0. The limits alpha = 2, 0, -inf are branches of their own.
-template <class T>
-struct Barron {
-  T alpha;
-  T c;
-  [[nodiscard]] T weight(T s2) const {
-    const T x = s2 / (c * c);
-    if (std::abs(alpha - 2) < T(1e-5)) return T(1);
-    if (alpha == -std::numeric_limits<T>::infinity()) return std::exp(-x / 2);
-    if (std::abs(alpha) < T(1e-5)) return 1 / (1 + x / 2);
-    return std::pow(x / std::abs(alpha - 2) + 1, alpha / 2 - 1);
+  double nu;
+  template <class T>
+  [[nodiscard]] T weight(const T& s2) const {
+    return T(nu + 1) / (T(nu) + s2);
   }
-  [[nodiscard]] T rho(T s2) const {
-    const T x = s2 / (c * c);
-    if (std::abs(alpha - 2) < T(1e-5)) return s2 / 2;
-    if (alpha == -std::numeric_limits<T>::infinity()) return -c * c * std::expm1(-x / 2);
-    if (std::abs(alpha) < T(1e-5)) return c * c * std::log1p(x / 2);
-    const T b = std::abs(alpha - 2);
-    return c * c * b / alpha * std::expm1(alpha / 2 * std::log1p(x / b));
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    using std::log1p;
+    return T(0.5 * (nu + 1)) * log1p(s2 * T(1 / nu));
+  }
+};
+/// Of a pair of residuals, s2 = r^T Sigma^-1 r (the joint model of DVO, Kerl et al. 2013).
+struct BivariateT {
+  double nu = 5;
+  template <class T>
+  [[nodiscard]] T weight(const T& s2) const {
+    return T(nu + 2) / (T(nu) + s2);
+  }
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    using std::log1p;
+    return T(0.5 * (nu + 2)) * log1p(s2 * T(1 / nu));
+  }
+};
+struct TruncatedL2 {
+  double k;
+  template <class T>
+  [[nodiscard]] T weight(const T& s2) const {
+    return select(s2 <= T(k * k), T(1), T(0));
+  }
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    using std::min;
+    return T(0.5) * min(s2, T(k * k));
+  }
+};
+/// Barron's family, scaled by c^2 so that rho ~ s^2/2 near 0, for alpha in (-inf, 2) other than 0. The limits alpha = 2, 0 and -inf
+/// are L2, Cauchy and Welsch with k = c sqrt(2); RobustKernel takes these.
+struct Barron {
+  double alpha;
+  double c;
+  template <class T>
+  [[nodiscard]] T weight(const T& s2) const {
+    using std::exp;
+    using std::log1p;
+    return exp(T(0.5 * alpha - 1) * log1p(s2 * T(1 / (c * c * (2 - alpha)))));
+  }
+  template <class T>
+  [[nodiscard]] T rho(const T& s2) const {
+    using std::expm1;
+    using std::log1p;
+    return T(c * c * (2 - alpha) / alpha) * expm1(T(0.5 * alpha) * log1p(s2 * T(1 / (c * c * (2 - alpha)))));
   }
 };
 }  // namespace kernels
@@ -140,7 +221,7 @@ struct Barron {
 /// A kernel chosen at run time.
 struct RobustKernel {
   KernelKind kind = KernelKind::Cauchy;
-  double k = 0;      ///< constant (Student-t: nu, Barron: c); 0 takes default_constant(kind)
+  double k = 0;      ///< constant [standard deviations] (Student-t: nu, Barron: c); 0 takes default_constant(kind)
   double alpha = 0;  ///< shape of Barron's family, in (-inf, 2]; -100 and below count as -inf
 
   template <class Self, class V>
@@ -152,37 +233,42 @@ struct RobustKernel {
 
   [[nodiscard]] double constant() const { return k > 0 ? k : default_constant(kind); }
 
-  /// Calls f(kernel struct with scalar T): the choice is made once, outside of the loop over residuals.
-  template <class T, class F>
+  /// Calls f(kernel): the choice is made once, outside of the loop over residuals.
+  template <class F>
   decltype(auto) visit(F&& f) const {
-    const T c = static_cast<T>(constant());
+    const double c = constant();
     switch (kind) {
-      case KernelKind::L2: return f(kernels::L2<T>{});
-      case KernelKind::Huber: return f(kernels::Huber<T>{c});
-      case KernelKind::PseudoHuber: return f(kernels::PseudoHuber<T>{c});
-      case KernelKind::Fair: return f(kernels::Fair<T>{c});
-      case KernelKind::GemanMcClure: return f(kernels::GemanMcClure<T>{c});
-      case KernelKind::Welsch: return f(kernels::Welsch<T>{c});
-      case KernelKind::Tukey: return f(kernels::Tukey<T>{c});
-      case KernelKind::StudentT: return f(kernels::StudentT<T>{c});
-      case KernelKind::TruncatedL2: return f(kernels::TruncatedL2<T>{c});
-      case KernelKind::Barron: {
-        const T a = alpha <= -100 ? -std::numeric_limits<T>::infinity() : static_cast<T>(alpha);
-        return f(kernels::Barron<T>{a, c});
-      }
+      case KernelKind::L2: return f(kernels::L2{});
+      case KernelKind::Huber: return f(kernels::Huber{c});
+      case KernelKind::PseudoHuber: return f(kernels::PseudoHuber{c});
+      case KernelKind::Fair: return f(kernels::Fair{c});
+      case KernelKind::GemanMcClure: return f(kernels::GemanMcClure{c});
+      case KernelKind::Welsch: return f(kernels::Welsch{c});
+      case KernelKind::Tukey: return f(kernels::Tukey{c});
+      case KernelKind::StudentT: return f(kernels::StudentT{c});
+      case KernelKind::TruncatedL2: return f(kernels::TruncatedL2{c});
+      case KernelKind::Barron:
+      case KernelKind::AdaptiveBarron:
+        if (alpha > 2 - 1e-5) return f(kernels::L2{});
+        if (std::abs(alpha) < 1e-5) return f(kernels::Cauchy{c * kSqrt2});
+        if (alpha <= -100) return f(kernels::Welsch{c * kSqrt2});
+        return f(kernels::Barron{alpha, c});
       case KernelKind::Cauchy: break;
     }
-    return f(kernels::Cauchy<T>{c});
+    return f(kernels::Cauchy{c});
   }
 
   /// Weight w(s) = rho'(s)/s.
   [[nodiscard]] double weight(double s) const {
-    return visit<double>([s](const auto& kernel) { return kernel.weight(s * s); });
+    return visit([s](const auto& kernel) { return kernel.weight(s * s); });
   }
   /// Cost rho(s), ~ s^2/2 near 0 (Student-t: (nu+1)/nu s^2/2).
   [[nodiscard]] double rho(double s) const {
-    return visit<double>([s](const auto& kernel) { return kernel.rho(s * s); });
+    return visit([s](const auto& kernel) { return kernel.rho(s * s); });
   }
+
+ private:
+  static constexpr double kSqrt2 = 1.4142135623730951;
 };
 
 /// Share of the information of Gaussian residuals that a kernel keeps (asymptotic efficiency E[psi']^2/E[psi^2], with
@@ -202,32 +288,6 @@ struct RobustKernel {
     psi2 += p * psi * psi;
   }
   return psi2 > 0 ? s_psi * s_psi / (psi2 * mass) : 0.0;
-}
-
-/// Barron's alpha that explains the residuals best: minimises sum rho + n log Z(alpha) over alpha = -10, -9.9 ... 2,
-/// with the partition function Z truncated at |s| <= 10 c (Chebrolu et al. 2021).
-/// \param s residuals in standard deviations, `n` of them; `c` scale of the kernel
-[[nodiscard]] inline double best_barron_alpha(const float* s, std::size_t n, double c) {
-  double best = 0;
-  double best_cost = std::numeric_limits<double>::infinity();
-  for (int i = 0; i <= 120; ++i) {
-    const double alpha = -10.0 + 0.1 * i;
-    const kernels::Barron<double> kernel{alpha, c};
-    double z = 0;
-    const double h = c / 50;
-    for (int j = -500; j <= 500; ++j) z += std::exp(-kernel.rho(h * h * j * j)) * h;
-    double cost = static_cast<double>(n) * std::log(z);
-    for (std::size_t j = 0; j < n; ++j) {
-      const double x = s[j];
-      if (std::abs(x) <= 10 * c) cost += kernel.rho(x * x);
-      else cost += kernel.rho(100 * c * c);
-    }
-    if (cost < best_cost) {
-      best_cost = cost;
-      best = alpha;
-    }
-  }
-  return std::abs(best) < 1e-9 ? 0.0 : best;
 }
 
 APSO_NAMESPACE_END

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
 
 #include <apso/config.hpp>
 
@@ -28,11 +29,13 @@ using FloatVector = float __attribute__((vector_size(4 * kLanes)));
 using IntVector = std::int32_t __attribute__((vector_size(4 * kLanes)));
 }  // namespace detail
 #define APSO_INLINE inline __attribute__((always_inline))
+#define APSO_FLATTEN __attribute__((flatten))
 
 #else
 
 inline constexpr int kLanes = 4;
 #define APSO_INLINE inline
+#define APSO_FLATTEN
 
 namespace detail {
 template <class T>
@@ -87,7 +90,9 @@ struct Lanes {
   detail::FloatVector v;
   Lanes() = default;
   APSO_INLINE explicit Lanes(const detail::FloatVector& x) : v(x) {}
-  APSO_INLINE Lanes(float x) {  // NOLINT: a number stands for lanes that all hold it
+  template <class S, class = std::enable_if_t<std::is_arithmetic_v<S>>>
+  APSO_INLINE Lanes(S number) {  // NOLINT: a number stands for lanes that all hold it
+    const auto x = static_cast<float>(number);
 #if defined(__GNUC__)
     v = x - detail::FloatVector{};
 #else
@@ -117,6 +122,7 @@ struct Lanes {
 [[nodiscard]] APSO_INLINE Lanes operator-(const Lanes& a, const Lanes& b) { return Lanes(a.v - b.v); }
 [[nodiscard]] APSO_INLINE Lanes operator*(const Lanes& a, const Lanes& b) { return Lanes(a.v * b.v); }
 [[nodiscard]] APSO_INLINE Lanes operator/(const Lanes& a, const Lanes& b) { return Lanes(a.v / b.v); }
+[[nodiscard]] APSO_INLINE Lanes operator-(const Lanes& a) { return Lanes(0.0F) - a; }
 [[nodiscard]] APSO_INLINE IntLanes operator+(const IntLanes& a, const IntLanes& b) { return {a.v + b.v}; }
 [[nodiscard]] APSO_INLINE IntLanes operator-(const IntLanes& a, const IntLanes& b) { return {a.v - b.v}; }
 
@@ -170,6 +176,11 @@ inline Lanes to_float(const IntLanes& a) {
 /// The larger of two; b when one is NaN.
 [[nodiscard]] APSO_INLINE Lanes max(const Lanes& a, const Lanes& b) { return select(a > b, a, b); }
 [[nodiscard]] APSO_INLINE Lanes abs(const Lanes& a) { return max(a, Lanes(0.0F) - a); }
+/// The same for one number, so that a formula can be written once for both.
+template <class T>
+[[nodiscard]] constexpr T select(bool m, const T& a, const T& b) {
+  return m ? a : b;
+}
 
 /// The bits of floats as integers and back.
 [[nodiscard]] APSO_INLINE IntLanes bits(const Lanes& a) {
@@ -181,43 +192,6 @@ inline Lanes to_float(const IntLanes& a) {
   Lanes r;
   std::memcpy(&r.v, &a.v, sizeof r.v);
   return r;
-}
-
-/// Square root of 0 and of normal numbers, within 3e-7 relative: 1/sqrt from the halved exponent, and Newton's steps
-/// (std::sqrt sets errno, which keeps compilers from using the vector instruction).
-[[nodiscard]] APSO_INLINE Lanes sqrt(const Lanes& x) {
-  IntLanes half;
-  const IntLanes b = bits(x);
-#if defined(__GNUC__)
-  half.v = 0x5F375A86 - (b.v >> 1);
-#else
-  for (int i = 0; i < kLanes; ++i) half.v[i] = 0x5F375A86 - (b.v[i] >> 1);
-#endif
-  Lanes y = from_bits(half);
-  for (int i = 0; i < 3; ++i) y = y * (1.5F - 0.5F * x * y * y);
-  return x * y;
-}
-
-/// Natural logarithm of normal numbers > 0, within 2e-7 relative (series of log(1+f) on [sqrt(1/2), sqrt(2)]).
-[[nodiscard]] APSO_INLINE Lanes log(const Lanes& x) {
-  // mantissa in [sqrt(1/2), sqrt(2)): 0x3F3504F3 are the bits of sqrt(1/2)
-  IntLanes e, m;
-  const IntLanes b = bits(x);
-#if defined(__GNUC__)
-  e.v = (b.v - 0x3F3504F3) >> 23;
-  m.v = b.v - e.v * (1 << 23);
-#else
-  for (int i = 0; i < kLanes; ++i) {
-    e.v[i] = (b.v[i] - 0x3F3504F3) >> 23;
-    m.v[i] = b.v[i] - e.v[i] * (1 << 23);
-  }
-#endif
-  const Lanes f = from_bits(m) - 1.0F;
-  // atanh series: log((1+s)/(1-s)) with s = f/(2+f), |s| < 0.172
-  const Lanes s = f / (f + 2.0F);
-  const Lanes s2 = s * s;
-  const Lanes series = 2.0F + s2 * (0.666666667F + s2 * (0.4F + s2 * (0.285714286F + s2 * 0.222222222F)));
-  return to_float(e) * 0.693147181F + s * series;
 }
 
 #if defined(__GNUC__)

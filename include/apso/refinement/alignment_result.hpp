@@ -32,6 +32,7 @@ struct AlignmentResult {
   double correlation = 0;                      ///< of the intensities of both images, [-1,1]; 1 when there is nothing to compare
   double scale_intensity = 0;                  ///< final robust scale in units of the noise model; 0 = unset
   double scale_depth = 0;                      ///< the same for depth
+  double kernel_alpha = 0;                     ///< of Barron's family, where the residuals chose it (KernelKind::AdaptiveBarron)
   double cost = 0;                             ///< final mean robust cost
   WarpCounts counts;                           ///< at the finest level
   int iterations = 0;                          ///< outer iterations over all levels

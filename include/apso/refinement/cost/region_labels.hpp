@@ -9,26 +9,14 @@
 #include <vector>
 
 #include <apso/config.hpp>
-#include <apso/options.hpp>
 #include <apso/refinement/cost/normal_equations.hpp>
+#include <apso/refinement/pyramid/pixel_list.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-struct RegionOptions {
-  bool on = true;
-  double cut = 3;    ///< a tile with this many times the usual cost counts half
-  double power = 4;  ///< how sharp the cut is
-  template <class Self, class V>
-  static void fields(Self& s, V&& v) {
-    v("on", s.on);
-    v("cut", s.cut, 1.0, 1e6);
-    v("power", s.power, 0.5, 100.0);
-  }
-};
-
 /// Labels of the tiles of one reference, 1 = static .. 0 = moves:
 ///
-///     l = 1 / (1 + (m / (cut m_usual))^power),  m = mean robust cost of the tile,  m_usual = its median over the tiles
+///     l = 1 / (1 + (m / (3 m_typical))^4),  m = mean robust cost of the tile,  m_typical = its median over the tiles
 ///
 /// The median is taken over the surface that is seen: a tile weighs as its pixels times depth^2. What moves on its own is
 /// mostly near and fills much of the image; what is static is mostly large. Pixels that left the view say nothing about
@@ -41,8 +29,8 @@ class RegionLabels {
 
   /// \param tiles sums at the present pose, `places` the tiles themselves
   /// \param charge cost of a lost pixel of weight 1, and `charge_weight` what it adds to the divisor
-  void update(const std::vector<TileSums>& tiles, const std::vector<PixelList::Tile>& places, const RegionOptions& o,
-              double charge, double charge_weight) {
+  void update(const std::vector<TileSums>& tiles, const std::vector<PixelList::Tile>& places, double charge,
+              double charge_weight) {
     sorted_.clear();
     means_.resize(tiles.size());
     double total = 0;
@@ -60,18 +48,19 @@ class RegionLabels {
     }
     std::sort(sorted_.begin(), sorted_.end(), [](const Entry& a, const Entry& b) { return a.cost < b.cost; });
     double below = 0;
-    double usual = 0;
+    double typical = 0;
     for (const Entry& e : sorted_) {
       below += e.weight;
-      usual = e.cost;
+      typical = e.cost;
       if (below >= 0.5 * total) break;
     }
-    const auto inverse_limit = static_cast<float>(1.0 / (o.cut * std::max(usual, 1e-6)));
-    const auto power = static_cast<float>(o.power);
-    for (std::size_t i = 0; i < tiles.size(); ++i) labels_[i] = 1.0F / (1.0F + std::pow(means_[i] * inverse_limit, power));
+    const auto inverse_limit = static_cast<float>(1.0 / (kCut * std::max(typical, 1e-6)));
+    for (std::size_t i = 0; i < tiles.size(); ++i) labels_[i] = 1.0F / (1.0F + std::pow(means_[i] * inverse_limit, kPower));
   }
 
  private:
+  static constexpr double kCut = 3;     // a tile with this many times the typical cost counts half
+  static constexpr float kPower = 4.0F; // how sharp the cut is
   struct Entry {
     double cost, weight;
   };

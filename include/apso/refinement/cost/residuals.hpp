@@ -27,25 +27,18 @@
 APSO_NAMESPACE_BEGIN
 
 struct WarpOptions {
-  float z_near = 0.1F;           ///< warped points nearer than this are out of view [m]
-  float gate = 0.07F;            ///< depth difference from which a pixel is occluded, at the finest level [m]
-  float gate_relative = 0.03F;   ///< the same as a share of the depth; the larger of the two counts
-  float gate_growth = 5.0F;      ///< factor of the gate per coarser level
-  bool gate_on = true;           ///< the gate drops what moved into or out of the way
-  float depth_spread = 0.05F;    ///< largest relative difference of four depths that are interpolated
-  bool esm = true;               ///< mean of the gradients of both images; at the finest level the aligner takes those of
-                                 ///< the reference alone, where noise common to residual and gradient would pull the pose
+  float gate = 0.07F;  ///< depth difference from which a pixel is occluded, at the finest level [m]; 0 = none ever is. 7 cm is
+                       ///< the value of ElasticFusion and Open3D
+  bool esm = true;     ///< mean of the gradients of both images; at the finest level the aligner takes those of
+                       ///< the reference alone, where noise common to residual and gradient would pull the pose
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
-    v("z_near", s.z_near, 0.0F, 100.0F);
     v("gate", s.gate, 0.0F, 100.0F);
-    v("gate_relative", s.gate_relative, 0.0F, 1.0F);
-    v("gate_growth", s.gate_growth, 1.0F, 100.0F);
-    v("gate_on", s.gate_on);
-    v("depth_spread", s.depth_spread, 0.0F, 1.0F);
     v("esm", s.esm);
   }
 };
+/// Factor of the gate per coarser level: a gate that does not grow discards the pixels that would pull a pose that is far off back.
+inline constexpr float kGateGrowth = 5.0F;
 
 /// What became of the warped pixels.
 struct WarpCounts {
@@ -86,10 +79,10 @@ struct WarpedLanes {
 /// Warps pixels of one reference level into one current level.
 class Warper {
  public:
-  /// \param gate_factor factor of the occlusion gate at this level, gate_growth^(levels above the finest)
+  /// \param gate_factor factor of the occlusion gate at this level, kGateGrowth^(levels above the finest)
   /// \param background weight of the pixels of `current` when it has no plane of weights
   Warper(const PyramidLevel& current, const Pose& T_current_reference, const Illumination& light, const WarpOptions& options,
-         const NoiseOptions& noise, float gate_factor, float background)
+         float gate_factor, float background)
       : texture_(current.texture.data()),
         gamma_(current.gamma.empty() ? nullptr : &current.gamma),
         width_(current.intensity.width()),
@@ -100,25 +93,24 @@ class Warper {
         u_max_(static_cast<float>(current.intensity.width() - 2)),
         v_max_(static_cast<float>(current.intensity.height() - 2)),
         row_(static_cast<float>(2 * current.intensity.width())),
-        z_near_(options.z_near),
-        gate_(options.gate_on ? options.gate * gate_factor : 1e30F),
-        gate_relative_(options.gate_on ? options.gate_relative * gate_factor : 0.0F),
-        spread_(options.depth_spread),
+        z_near_(kNear),
+        gate_(options.gate > 0 ? options.gate * gate_factor : 1e30F),
+        gate_relative_(options.gate > 0 ? kGateRelative * gate_factor : 0.0F),
+        spread_(kDepthSpread),
         background_(background),
-        s2_intensity_(2 * noise.sigma_intensity * noise.sigma_intensity),
-        s2_pixel_(noise.sigma_pixel * noise.sigma_pixel),
         gain_(light.gain),
         offset_(light.offset),
-        esm_(options.esm),
-        static_fusion_(noise.form == NoiseForm::StaticFusion) {
+        esm_(options.esm) {
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) R_[i][j] = static_cast<float>(T_current_reference(i, j));
       t_[i] = static_cast<float>(T_current_reference(i, 3));
     }
   }
 
+  /// \param noise weighs the residuals
   /// \param block of a PixelList; `at` < kBlock, a multiple of kLanes
-  APSO_INLINE void warp(const float* block, int at, WarpedLanes& o) const {
+  template <class Noise>
+  APSO_INLINE void warp(const Noise& noise, const float* block, int at, WarpedLanes& o) const {
     using P = PixelList;
     const auto field = [&](P::Field f) { return Lanes::load(block + f * P::kBlock + at); };
     const Lanes zero = 0.0F;
@@ -188,19 +180,11 @@ class Warper {
     o.D[0] = field(P::kD0);
     o.D[1] = field(P::kD1);
     o.D[2] = field(P::kD2);
-    if (!static_fusion_) {
-      o.inverse_intensity = 1.0F / (s2_intensity_ + s2_pixel_ * max(gi2, 0.0F));
-      const Lanes sz = max(kDepthNoise * Z * Z, kDepthNoiseFloor);
-      const Lanes sy = max(kDepthNoise * Y2 * Y2, kDepthNoiseFloor);
-      o.inverse_depth = 1.0F / (sz * sz + sy * sy + s2_pixel_ * max(gz2, 0.0F));
-    } else {
-      // the gradients again from the rows of the Jacobian: a_0 = f_x/Z g_x, a_1 = f_y/Z g_y
-      const Lanes fx = o.X[2] / fx_;
-      const Lanes fy = o.X[2] / fy_;
-      o.inverse_intensity =
-          1.0F / (1.0F + 10.0F * (abs(o.residual_intensity) + abs(o.I[0] * fx) + abs(o.I[1] * fy)));
-      o.inverse_depth = 0.01F / (0.01F + 200.0F * (abs(o.residual_depth) + abs(o.D[0] * fx) + abs(o.D[1] * fy)));
-    }
+    // the gradients once more from the rows of the Jacobian: a_0 = f_x/Z g_x, a_1 = f_y/Z g_y
+    o.inverse_intensity = noise.squared_weight_intensity(
+        NoiseInput<Lanes>{o.residual_intensity, gi2, Z, Y2, o.I[0], o.I[1], o.X[2], fx_, fy_});
+    o.inverse_depth =
+        noise.squared_weight_depth(NoiseInput<Lanes>{o.residual_depth, gz2, Z, Y2, o.D[0], o.D[1], o.X[2], fx_, fy_});
     if (esm_) {
       const Lanes c0 = (top + b * (bottom - top)) * (fx_ * iz);
       const Lanes c1 = (lower - upper) * (fy_ * iz);
@@ -212,13 +196,17 @@ class Warper {
   }
 
  private:
+  static constexpr float kNear = 0.1F;           // warped points nearer than this are out of view [m]
+  static constexpr float kGateRelative = 0.03F;  // gate as a share of the depth, where that is the larger
+  static constexpr float kDepthSpread = 0.05F;   // largest relative difference of four depths that are interpolated
+
   const float* texture_;
   const Plane* gamma_;
   int width_;
   Lanes R_[3][3], t_[3];
-  Lanes fx_, fy_, cx_, cy_, u_max_, v_max_, row_, z_near_, gate_, gate_relative_, spread_, background_, s2_intensity_,
-      s2_pixel_, gain_, offset_;
-  bool esm_, static_fusion_;
+  Lanes fx_, fy_, cx_, cy_, u_max_, v_max_, row_, z_near_, gate_, gate_relative_, spread_, background_, gain_,
+      offset_;
+  bool esm_;
 };
 
 APSO_NAMESPACE_END

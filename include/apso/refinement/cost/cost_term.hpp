@@ -1,0 +1,74 @@
+/// \file
+/// What the cost of an alignment keeps of one reference.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/refinement/alignment_result.hpp>
+#include <apso/refinement/cost/illumination.hpp>
+#include <apso/refinement/cost/normal_equations.hpp>
+#include <apso/refinement/cost/region_labels.hpp>
+#include <apso/refinement/cost/residuals.hpp>
+#include <apso/refinement/cost/term_scales.hpp>
+#include <apso/refinement/pyramid/pyramid.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// A unit of work: some tiles of a reference.
+struct CostPart {
+  int term = 0;
+  int begin = 0;  ///< tiles
+  int end = 0;
+  WarpCounts counts;
+  PixelSums<double> sum;
+};
+
+/// One reference: its frame, scales, brightness, labels, and the sums of its tiles at two poses.
+struct CostTerm {
+  const FramePyramid* pyramid = nullptr;
+  const PyramidLevel* level = nullptr;  ///< that was entered
+  Pose T_world_reference = Pose::Identity();
+  double weight = 1;  ///< B_k
+  TermScales scales;
+  Illumination light;
+  double correlation = 0;  ///< of the sampled intensities
+  std::vector<TileSums> sums[2];
+  RegionLabels labels;
+  WarpCounts counts[2];
+
+  void begin(const AlignmentReference& r) {
+    pyramid = r.pyramid;
+    T_world_reference = r.T_world_reference;
+    weight = r.weight;
+    light = Illumination{};
+  }
+
+  /// Turns to the level after so many halvings, and appends its units of work.
+  void enter(int halvings, int index, std::vector<CostPart>& parts) {
+    level = &pyramid->halved(halvings);
+    const PixelList& list = level->pixels;
+    const int n = static_cast<int>(list.tiles.size());
+    for (auto& s : sums) s.resize(static_cast<std::size_t>(n));
+    labels.reset(static_cast<std::size_t>(n));
+    const int count = std::clamp(list.blocks() / kSmallestPart, 1, kParts);
+    for (int part = 0, b = 0; part < count; ++part) {
+      CostPart p;
+      p.term = index;
+      p.begin = b;
+      const int last = list.blocks() * (part + 1) / count;
+      while (b < n && list.tiles[static_cast<std::size_t>(b)].end <= last) ++b;
+      p.end = b;
+      if (p.end > p.begin) parts.push_back(p);
+    }
+  }
+
+ private:
+  static constexpr int kParts = 16;         // most units of work that a reference gives at a level
+  static constexpr int kSmallestPart = 16;  // blocks of pixels of the smallest
+};
+
+APSO_NAMESPACE_END

@@ -1,0 +1,155 @@
+/// \file
+/// Residuals of some of the pixels of a level, from which robust scales and the brightness are estimated.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <apso/config.hpp>
+#include <apso/executor.hpp>
+#include <apso/math/lane_functions.hpp>
+#include <apso/math/robust_scale.hpp>
+#include <apso/refinement/cost/illumination.hpp>
+#include <apso/refinement/cost/warped_pixels.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Residuals of one kind, in units of the noise, and their scale. Those of the image are spread as the pixels are that are aligned,
+/// but what moves sets their median as soon as it fills half of the image, and a scale that lets it pass brings the pose to it. The
+/// surface that is seen is the measure of the labels too: what moves is mostly near. It is taken where its scale is so much
+/// smaller that something near does not agree.
+struct SampledResiduals {
+  std::vector<float> residuals;
+  std::vector<float> surface;  ///< that each stands for, depth^2
+  double scale = 0;            ///< of the residuals as they are
+
+  void resize(std::size_t n) {
+    residuals.resize(n);
+    surface.resize(n);
+  }
+  void estimate(ScaleKind kind) {
+    scratch_ = residuals;
+    scale = robust_scale_in_place(kind, scratch_);
+    double whole = 0;
+    for (const float s : surface) whole += static_cast<double>(s);
+    picked_.clear();
+    double until = 0;
+    for (std::size_t i = 0; i < surface.size(); ++i) {
+      until += static_cast<double>(surface[i]);
+      while ((static_cast<double>(picked_.size()) + 0.5) * whole < until * static_cast<double>(surface.size())) {
+        picked_.push_back(static_cast<std::uint32_t>(i));
+      }
+    }
+    scratch_ = residuals;
+    pick(scratch_);
+    scale_over_surface_ = robust_scale_in_place(kind, scratch_);
+  }
+  [[nodiscard]] bool crowded() const { return scale_over_surface_ < 0.67 * scale; }
+  void spread_over_surface() {
+    pick(residuals);
+    scale = scale_over_surface_;
+  }
+  /// As many of the values, spread evenly over the surface.
+  void pick(std::vector<float>& values) {
+    all_.swap(values);
+    values.clear();
+    for (const std::uint32_t i : picked_) values.push_back(all_[i]);
+  }
+  /// Room to work in.
+  [[nodiscard]] std::vector<float>& scratch() { return scratch_; }
+
+ private:
+  double scale_over_surface_ = 0;
+  std::vector<std::uint32_t> picked_;
+  std::vector<float> scratch_, all_;
+};
+
+/// The samples of one reference. Keeps its buffers; the same for any executor.
+class ResidualSamples {
+ public:
+  SampledResiduals intensity, depth;
+  IntensityPairs pairs;                                ///< of the photometric residuals, in their order
+  std::vector<float> joint_intensity, joint_depth;     ///< of the pixels with residuals of both kinds; only if asked for
+
+  /// Takes about `most` pixels of the list.
+  void take(const PixelList& list, const Warper& warper, const NoiseRef& noise, int most, bool joint, const ExecutorRef& executor) {
+    const int blocks = list.blocks();
+    const int n = std::min(blocks, std::max(1, most / PixelList::kBlock));
+    // each share of the work has room for all its pixels and one more
+    const auto room = [&](int share) { return static_cast<std::size_t>(n * share / kShares * PixelList::kBlock + share); };
+    for (std::vector<float>* v : {&intensity.residuals, &intensity.surface, &pairs.reference, &pairs.current, &pairs.inverse_sigma,
+                                  &depth.residuals, &depth.surface, &joint_intensity, &joint_depth}) {
+      v->resize(room(kShares));
+    }
+    std::size_t with_intensity[kShares], with_depth[kShares], with_both[kShares];
+    executor(kShares, [&](int share) {
+      WarpedPixels pixels;
+      WarpTally tally;
+      std::size_t a = room(share);
+      std::size_t b = a;
+      std::size_t c = a;
+      std::size_t k = 0;
+      for (int i = n * share / kShares; i < n * (share + 1) / kShares; ++i) {
+        const int at_block = static_cast<int>(static_cast<long long>(i) * blocks / n);
+        while (list.tiles[k].end <= at_block) ++k;
+        const float surface = list.tiles[k].depth * list.tiles[k].depth;
+        const float* block = list.block(at_block);
+        noise(warper, {}, block, 1, pixels, tally);
+        for (int at = 0; at < PixelList::kBlock; at += kLanes) {
+          const WarpedPixels::Group& o = pixels.groups[at / kLanes];
+          const Lanes inverse_intensity = sqrt(o.inverse_intensity);
+          const Lanes r_intensity = o.residual_intensity * inverse_intensity;
+          const Lanes r_depth = o.residual_depth * sqrt(o.inverse_depth);
+          for (int j = 0; j < kLanes; ++j) {  // each is written, and overwritten by the next unless it counts
+            intensity.residuals[a] = r_intensity[j];
+            intensity.surface[a] = surface;
+            pairs.reference[a] = block[PixelList::kIntensity * PixelList::kBlock + at + j];
+            pairs.current[a] = o.current[j];
+            pairs.inverse_sigma[a] = inverse_intensity[j];
+            depth.residuals[b] = r_depth[j];
+            depth.surface[b] = surface;
+            a += o.weight_intensity[j] > 0 ? 1 : 0;
+            b += o.weight_depth[j] > 0 ? 1 : 0;
+          }
+          for (int j = 0; joint && j < kLanes; ++j) {
+            joint_intensity[c] = r_intensity[j];
+            joint_depth[c] = r_depth[j];
+            c += o.weight_intensity[j] > 0 && o.weight_depth[j] > 0 ? 1 : 0;
+          }
+        }
+      }
+      with_intensity[share] = a - room(share);
+      with_depth[share] = b - room(share);
+      with_both[share] = c - room(share);
+    });
+    const auto close_up = [&](std::vector<float>& v, const std::size_t* counts) {
+      std::size_t end = 0;
+      for (int share = 0; share < kShares; ++share) {
+        const auto first = v.begin() + static_cast<std::ptrdiff_t>(room(share));
+        std::copy(first, first + static_cast<std::ptrdiff_t>(counts[share]), v.begin() + static_cast<std::ptrdiff_t>(end));
+        end += counts[share];
+      }
+      v.resize(end);
+    };
+    for (std::vector<float>* v : {&intensity.residuals, &intensity.surface, &pairs.reference, &pairs.current, &pairs.inverse_sigma}) {
+      close_up(*v, with_intensity);
+    }
+    for (std::vector<float>* v : {&depth.residuals, &depth.surface}) close_up(*v, with_depth);
+    for (std::vector<float>* v : {&joint_intensity, &joint_depth}) close_up(*v, with_both);
+  }
+
+  /// Scales of both kinds, over the image or over the surface.
+  void estimate(ScaleKind kind, const ExecutorRef& executor) {
+    executor(2, [&](int task) { (task == 0 ? intensity : depth).estimate(kind); });
+    if (!intensity.crowded() && !depth.crowded()) return;
+    executor(2, [&](int task) { (task == 0 ? intensity : depth).spread_over_surface(); });
+    for (std::vector<float>* v : {&pairs.reference, &pairs.current, &pairs.inverse_sigma}) intensity.pick(*v);
+  }
+
+ private:
+  static constexpr int kShares = 4;  // units of work
+};
+
+APSO_NAMESPACE_END

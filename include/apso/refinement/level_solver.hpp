@@ -1,0 +1,132 @@
+/// \file
+/// Descent of the pose at one level of the pyramid: iteratively reweighted least squares with Levenberg-Marquardt damping.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Core>
+
+#include <apso/config.hpp>
+#include <apso/executor.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/math/small_matrix.hpp>
+#include <apso/math/symmetric.hpp>
+#include <apso/refinement/cost/alignment_cost.hpp>
+#include <apso/refinement/cost/normal_equations.hpp>
+#include <apso/refinement/degeneracy.hpp>
+#include <apso/status.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Fewer valid pixels at the finest level are a failure.
+inline constexpr int kMinimumAlignedPixels = 300;
+/// Neighbouring residuals are correlated: factor on the information of a pose.
+inline constexpr double kInformationDeflation = 0.01;
+
+/// Solves one level after the other for T_camera_world.
+class LevelSolver {
+ public:
+  Pose T;                  ///< T_camera_world
+  bool converged = false;  ///< at the level that was solved last
+  int iterations = 0;      ///< outer ones over all levels
+
+  /// \param T_prior T_camera_world towards which a motion prior pulls
+  /// \param ratio share of the largest eigenvalue below which a direction keeps what it is
+  [[nodiscard]] Status solve(AlignmentCost& cost, int level, double ratio, const Pose& T_prior, const ExecutorRef& executor) {
+    constexpr auto kAccepted = AlignmentCost::kAccepted;
+    constexpr auto kTrial = AlignmentCost::kTrial;
+    converged = false;
+    cost.enter(level);
+    cost.estimate_scales(T, AlignmentCost::kScaleSamples, 0, executor);
+    cost.sum(T, kAccepted, executor);
+    const int schedule = std::max(0, cost.schedule(level));
+    // a coarse image has fewer pixels in all
+    const int enough = std::max(6, kMinimumAlignedPixels >> (2 * schedule));
+    if (cost.counts().selected < enough) return Status::TooFewPixels;
+    if (cost.counts().valid < enough) return Status::NoOverlap;
+    const double focal = cost.current(level).camera.fx;
+    const Twist D = unit_twist(cost.typical_depth());
+    const double smallest_step = kStopPixels[std::min(schedule, 3)];
+    const int most = kIterations[std::min(schedule, 3)];
+    double mu = 1e-4;  // Levenberg-Marquardt factor
+    for (int it = 0; it < most && !converged; ++it) {
+      ++iterations;
+      cost.update_labels();
+      const double before = cost.mean(kAccepted);
+      NormalEquations n = cost.normal_equations(T, executor);
+      if (!std::isfinite(before) || !all_finite(n.H) || !all_finite(n.b)) return Status::Diverged;
+      add_prior(cost.options().prior_sigma, T_prior, n);
+      const Matrix6 scaled = scaled_both(D, n.H);
+      const Degeneracy open(scaled, ratio, false);
+      if (open.count == 6) return level > 0 ? Status::TooFewPixels : Status::SingularSystem;
+      const Matrix6 keep = open.keep();
+      Twist right;
+      double trace = 0;
+      for (int i = 0; i < 6; ++i) {
+        right(i) = D(i) * n.b(i);
+        trace += scaled(i, i);
+      }
+      right = times(keep, right);
+      const Matrix6 determined = open.regular(scaled, scaled(0, 0));
+      bool moved = false;
+      for (int reject = 0; reject <= kRejects; ++reject) {
+        Matrix6 A = determined;
+        for (int i = 0; i < 6; ++i) A(i, i) += 1e-12 * trace + mu * scaled(i, i);
+        Twist step = times(keep, solve_symmetric(A, right));
+        double largest = 0;  // of the scaled step
+        for (int i = 0; i < 6; ++i) {
+          largest = std::max(largest, std::abs(step(i)));
+          step(i) *= D(i);
+        }
+        if (!all_finite(step)) return Status::Diverged;
+        const bool tiny = focal * largest < smallest_step;
+        const Pose T_trial = normalized(compose(se3_exp(step), T));
+        if (tiny && reject == 0) {  // taken without another look
+          T = T_trial;
+          converged = moved = true;
+          break;
+        }
+        cost.sum(T_trial, kTrial, executor);
+        const double after = cost.mean(kTrial);
+        if (after < before) {
+          T = T_trial;
+          cost.accept_trial();
+          moved = true;
+          mu = std::max(1e-9, mu / 10);
+          converged = tiny || before - after < kStopRelativeCost * before;
+          break;
+        }
+        mu = std::max(1e-9, mu * 10);
+        if (tiny) break;
+      }
+      if (!moved) {  // no step lowers the cost: a minimum
+        converged = true;
+      } else if (!converged && cost.estimate_scales(T, AlignmentCost::kScaleSamples, kScaleChange, executor)) {
+        cost.sum(T, kAccepted, executor);
+      }
+    }
+    if (cost.counts().valid < enough) return Status::NoOverlap;
+    return Status::Converged;
+  }
+
+ private:
+  // By level, finest first; the last holds for all coarser ones. Most iterations where they cost least.
+  static constexpr int kIterations[4] = {8, 10, 15, 20};
+  static constexpr double kStopPixels[4] = {0.01, 0.03, 0.05, 0.05};  // a step that moves the image by less is the last one [px]
+  static constexpr double kStopRelativeCost = 1e-4;  // a relative decrease below stops
+  static constexpr int kRejects = 5;                 // rejected steps in a row
+  static constexpr double kScaleChange = 0.2;        // relative change of a scale from which on the sums are made again with the new
+
+  void add_prior(double sigma, const Pose& T_prior, NormalEquations& n) const {
+    if (!(sigma > 0)) return;
+    const Twist e = se3_log(compose(T_prior, inverse(T)));
+    const double p = 1.0 / (sigma * sigma * kInformationDeflation);
+    for (int i = 0; i < 6; ++i) {
+      n.H(i, i) += p;
+      n.b(i) += p * e(i);
+    }
+  }
+};
+
+APSO_NAMESPACE_END
