@@ -362,7 +362,7 @@ void print_mask_cost(const pairs::PairMaker& maker, const apso::PyramidOptions& 
                      const std::vector<double>& motions) {
   std::printf("\n### What a mask costs, pairs right with and without it\n\n| masked | error over that without bodies, geometric mean | "
               "the same expected from the covariance | pairs whose images share less than a fifth of what is not masked | "
-              "too few pixels with depth (`min_pixels`) |\n"
+              "too few pixels with depth (300) |\n"
               "|---|---|---|---|---|\n");
   Apso a("", "", half, apso::AlignmentOptions{}, true);
   a.camera(maker.camera());
@@ -400,7 +400,7 @@ void print_mask_cost(const pairs::PairMaker& maker, const apso::PyramidOptions& 
         Row& row = rows[i];
         ++row.all;
         row.apart += with.at_truth.valid_share < 0.2 ? 1 : 0;
-        row.nothing += with.at_truth.counts.valid_depth < apso::AlignmentOptions{}.min_pixels ? 1 : 0;
+        row.nothing += with.at_truth.counts.valid_depth < apso::kMinimumAlignedPixels ? 1 : 0;
         if (!with.right || !without.right) continue;
         ++row.n;
         row.error += std::log(with.error / without.error);

@@ -6,7 +6,8 @@
 /// | macro                    | effect                                                                    |
 /// |--------------------------|---------------------------------------------------------------------------|
 /// | APSO_CONTRACT_HANDLER(m) | called with a C string instead of throwing; must not return               |
-/// | APSO_NAMESPACE_TAG       | name of the inline namespace (default v0), to link two versions together  |
+/// | APSO_NAMESPACE_TAG       | name of the inline namespace (default v0), to link two versions together; |
+/// |                          | _avx or _avx512 is added where these are compiled for                     |
 /// | APSO_NO_DEPRECATED       | be silent about the use of what will be removed                           |
 #pragma once
 
@@ -28,10 +29,22 @@
 #define APSO_DEPRECATED(since, instead) [[deprecated("apso: deprecated since " since ": " instead)]]
 #endif
 
+// How many floats are worked on at once depends on the instruction set that is compiled for (math/lanes.hpp), and with it the code of
+// functions and the layout of buffers: each set has names of its own, so that parts compiled for different ones can be linked together.
+#if defined(__GNUC__) && defined(__AVX512F__)
+#define APSO_INSTRUCTION_SET _avx512
+#elif defined(__GNUC__) && defined(__AVX__)
+#define APSO_INSTRUCTION_SET _avx
+#else
+#define APSO_INSTRUCTION_SET
+#endif
+#define APSO_JOIN_EXPANDED(a, b) a##b
+#define APSO_JOIN(a, b) APSO_JOIN_EXPANDED(a, b)
+
 // Spelled as macros because C++17 has no `namespace apso::inline v0`.
 #define APSO_NAMESPACE_BEGIN       \
   namespace apso {                 \
-  inline namespace APSO_NAMESPACE_TAG {
+  inline namespace APSO_JOIN(APSO_NAMESPACE_TAG, APSO_INSTRUCTION_SET) {
 #define APSO_NAMESPACE_END \
   }                        \
   }

@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <apso/math/lane_functions.hpp>
 #include <apso/math/lanes.hpp>
 
 using namespace apso;
@@ -67,6 +68,27 @@ TEST_CASE("the logarithm is that of the standard library") {
     CHECK(std::abs(static_cast<double>(l[0]) - truth) <= 3e-7 * std::max(1e-3, std::abs(truth)));
     CHECK(l[kLanes - 1] == l[0]);
   }
+}
+
+TEST_CASE("log1p, exp and expm1 are those of the standard library, also where the result is small") {
+  const auto close = [](float found, double truth) {
+    return std::abs(static_cast<double>(found) - truth) <= 4e-7 * std::abs(truth);
+  };
+  for (double magnitude = 1e-12; magnitude < 80; magnitude *= 1.01) {
+    const auto x = static_cast<float>(magnitude);
+    const auto d = static_cast<double>(x);
+    CAPTURE(d);
+    CHECK(close(log1p(Lanes(x))[0], std::log1p(d)));
+    CHECK(close(exp(Lanes(x))[0], std::exp(d)));
+    CHECK(close(exp(Lanes(-x))[kLanes - 1], std::exp(-d)));
+    CHECK(close(expm1(Lanes(x))[0], std::expm1(d)));
+    CHECK(close(expm1(Lanes(-x))[kLanes - 1], std::expm1(-d)));
+  }
+  CHECK(log1p(Lanes(0.0F))[0] == 0.0F);
+  CHECK(exp(Lanes(0.0F))[0] == 1.0F);
+  CHECK(expm1(Lanes(0.0F))[0] == 0.0F);
+  CHECK(exp(Lanes(-1e6F))[0] == 0.0F);
+  CHECK(expm1(Lanes(-1e6F))[0] == -1.0F);
 }
 
 TEST_CASE("loads and stores that reorder") {

@@ -6,13 +6,57 @@
 #include <doctest/doctest.h>
 
 #include <apso/math/kernels.hpp>
+#include <apso/refinement/cost/kernel_loop.hpp>
+#include <apso/refinement/cost/residual_samples.hpp>
 
 using namespace apso;
 
 namespace {
 const KernelKind kAll[] = {KernelKind::L2,     KernelKind::Huber, KernelKind::PseudoHuber, KernelKind::Fair,
                            KernelKind::Cauchy, KernelKind::GemanMcClure, KernelKind::Welsch, KernelKind::Tukey,
-                           KernelKind::StudentT, KernelKind::TruncatedL2, KernelKind::Barron};
+                           KernelKind::StudentT, KernelKind::TruncatedL2, KernelKind::Barron, KernelKind::AdaptiveBarron};
+
+// A kernel as a user writes it.
+struct Lorentz {
+  double k = 2;
+  template <class T>
+  T weight(const T& s2) const {
+    return T(1) / (T(1) + s2 / T(k * k));
+  }
+  template <class T>
+  T rho(const T& s2) const {
+    using std::log1p;
+    return T(k * k / 2) * log1p(s2 / T(k * k));
+  }
+};
+
+// Several residuals in one call give what a number alone gives, and the slope of their cost is s w(s).
+template <class Kernel, class Scalar>
+void check_lanes(const Kernel& kernel, const Scalar& scalar) {
+  const KernelRef loop(kernel);
+  for (double s = 1e-3; s < 60; s *= 1.07) {
+    CAPTURE(s);
+    const auto step = static_cast<float>(.02 * s);
+    const auto middle = static_cast<float>(s);
+    const float places[] = {middle, middle + step, middle - step};
+    Lanes s2[3], rho[3];
+    for (int i = 0; i < 3; ++i) s2[i] = places[i] * places[i];
+    loop(s2, rho, 3);
+    for (int i = 0; i < 3; ++i) {
+      const double x = std::sqrt(static_cast<double>(places[i] * places[i]));
+      CHECK(s2[i][0] == s2[i][kLanes - 1]);
+      // near its end a weight is a small difference of large numbers
+      CHECK(std::abs(static_cast<double>(s2[i][0]) - scalar.weight(x)) < 3e-6 * (scalar.weight(x) + 1e-1));
+      CHECK(std::abs(static_cast<double>(rho[i][0]) - scalar.rho(x)) < 3e-6 * scalar.rho(x) + 3e-7);
+    }
+    CHECK(loop.rho(s) == doctest::Approx(scalar.rho(s)).epsilon(1e-12));
+    if (s < .05) continue;  // there a difference of two costs is rounding
+    const double slope = static_cast<double>(rho[1][0] - rho[2][0]) / static_cast<double>(places[1] - places[2]);
+    const double exact = (scalar.rho(static_cast<double>(places[1])) - scalar.rho(static_cast<double>(places[2]))) /
+                         static_cast<double>(places[1] - places[2]);
+    CHECK(std::abs(slope - exact) < 1e-3 * s + 1e-4);
+  }
+}
 }
 
 TEST_CASE("rho is the integral of s w(s), and its derivative is s w(s)") {
@@ -20,6 +64,7 @@ TEST_CASE("rho is the integral of s w(s), and its derivative is s w(s)") {
     for (const double alpha : {2.0, 1.0, 0.0, -2.0, -1000.0}) {
       if (kind != KernelKind::Barron && alpha != 0.0) continue;
       const RobustKernel k{kind, 0, alpha};
+      check_lanes(k, k);
       double integral = 0;
       const double h = 1e-4;
       for (int i = 0; i < 60000; ++i) integral += h * (i + .5) * h * k.weight((i + .5) * h);
@@ -52,6 +97,21 @@ TEST_CASE("weights match hand-computed values") {
   for (const Row& row : rows) {
     for (int i = 0; i < 4; ++i) CHECK(std::abs(RobustKernel{row.kind}.weight(s[i]) - row.w[i]) < 1e-6);
   }
+}
+
+TEST_CASE("a kernel of the user's runs in the same loop") {
+  const RobustKernel cauchy{KernelKind::Cauchy, 2.0};
+  check_lanes(Lorentz{}, cauchy);
+  const RobustKernel t{KernelKind::StudentT};
+  check_lanes(t, t);
+  const kernels::BivariateT pair;
+  struct Wrapped {
+    kernels::BivariateT k;
+    double weight(double s) const { return k.weight(s * s); }
+    double rho(double s) const { return k.rho(s * s); }
+  };
+  check_lanes(pair, Wrapped{pair});
+  CHECK(pair.weight(0.0) == doctest::Approx(1.4));  // 7/5
 }
 
 TEST_CASE("constants give the stated efficiency") {
@@ -91,5 +151,25 @@ TEST_CASE("alpha follows the tails of the residuals") {
   for (float& s : clean) s = gauss(rng);
   std::vector<float> dirty = clean;
   for (std::size_t i = 0; i < dirty.size(); i += 3) dirty[i] *= 8;
-  CHECK(best_barron_alpha(clean.data(), clean.size(), 1.0) > best_barron_alpha(dirty.data(), dirty.size(), 1.0));
+  AdaptiveAlpha best;
+  CHECK(best(clean, 1.0) > best(dirty, 1.0));
+  CHECK(best({}, 1.0) == 0);
+  // the negative logarithm of the likelihood, in double: none of its neighbours explains the residuals better
+  const auto cost = [](const std::vector<float>& s, double c, double alpha) {
+    const RobustKernel kernel{KernelKind::Barron, c, alpha};
+    double z = 0;
+    for (int i = -500; i <= 500; ++i) z += std::exp(-kernel.rho(c * i / 50)) * c / 50;
+    double sum = static_cast<double>(s.size()) * std::log(z);
+    for (const float x : s) sum += kernel.rho(std::min(std::abs(static_cast<double>(x)), 10 * c));
+    return sum;
+  };
+  for (const std::vector<float>* s : {&clean, &dirty}) {
+    for (const double c : {.7, 1.0, 1.686}) {
+      const double alpha = best(*s, c);
+      CAPTURE(alpha);
+      const double at = cost(*s, c, alpha);
+      if (alpha < 1.95) CHECK(at <= cost(*s, c, alpha + .1) + 1e-3);
+      if (alpha > -9.95) CHECK(at <= cost(*s, c, alpha - .1) + 1e-3);
+    }
+  }
 }

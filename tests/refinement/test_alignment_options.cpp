@@ -109,7 +109,7 @@ TEST_CASE("every policy aligns") {
     CHECK(error_of(a) < limit);
   };
   AlignmentOptions o;
-  for (int kind = 0; kind <= static_cast<int>(KernelKind::Barron); ++kind) {
+  for (int kind = 0; kind <= static_cast<int>(KernelKind::AdaptiveBarron); ++kind) {
     CAPTURE(kind);
     o.kernel.kind = static_cast<KernelKind>(kind);
     check(o, .003);
@@ -126,7 +126,7 @@ TEST_CASE("every policy aligns") {
     check(o, .003);
   }
   o = {};
-  o.regions.on = false;
+  o.regions = false;
   o.prealign_rotation = false;
   check(o, .003);
   check(static_fusion_alignment(), .02);

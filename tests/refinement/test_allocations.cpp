@@ -58,7 +58,7 @@ TEST_CASE("alignment that is warm allocates nothing") {
   for (const bool masked : {false, true}) {
     FramePyramid reference, current;
     AlignmentOptions searching;
-    searching.search_contradicted = 0;
+    searching.multi_start_threshold = 0;
     DirectAligner aligner(searching);
     std::vector<AlignmentReference> references{{&reference, Pose::Identity(), 1}};
     std::vector<Pose> candidates{Pose::Identity()};
@@ -111,7 +111,7 @@ TEST_CASE("reading the images of others allocates nothing: a warm pyramid, and o
 TEST_CASE("a refiner with a full memory allocates nothing, on good frames and on bad ones") {
   RefinerOptions options;
   options.memory.capacity = 4;
-  options.alignment.search_contradicted = 0;  // all paths are taken
+  options.alignment.multi_start_threshold = 0;  // all paths are taken
   Refiner refiner(kCamera, options);
   std::vector<room::Frame> frames;
   std::vector<Pose> poses;

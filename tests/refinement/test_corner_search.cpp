@@ -138,14 +138,14 @@ TEST_CASE("frames that are mostly masked are given other starts") {
     reference.build(r.view(), camera, r.probability.view(), {}, PyramidRole::Reference);
     current.build(c.view(), camera, c.probability.view(), {}, PyramidRole::Current);
     CHECK(reference.finest() == 0);
-    const auto solve = [&](double search_masked) {
+    const auto solve = [&](double multi_start_threshold) {
       AlignmentOptions o;
-      o.search_masked = search_masked;
+      o.multi_start_threshold = multi_start_threshold;
       DirectAligner aligner(o);
       const AlignmentResult found = aligner.align({{&reference, Pose::Identity(), 1}}, current, {Pose::Identity()});
       return succeeded(found.status) && room::translation_error(found.T_world_camera, T) < .01 ? 1 : 0;
     };
-    right += solve(0);
+    right += solve(AlignmentOptions{}.multi_start_threshold);
     right_without += solve(1);
   }
   CHECK(right >= 11);

@@ -67,7 +67,7 @@ TEST_CASE("frames that share little are aligned if what they share agrees, witho
   CHECK(room::translation_error(found.T_world_camera, T) < .01);
   CHECK(direct_confidence(found, found.scale_intensity, found.scale_depth) == 0);
   AlignmentOptions strict;
-  strict.alike = 1;
+  strict.min_valid_share = .4;
   CHECK(align(strict).status == Status::NoOverlap);
   // depth alone does not say that it is the same place
   room::Frame dark[2];
@@ -80,7 +80,7 @@ TEST_CASE("frames that share little are aligned if what they share agrees, witho
   depth_alone.depth_alone = true;
   const AlignmentResult blind = align(depth_alone);
   CHECK(blind.correlation == 1);
-  CHECK(blind.valid_share > strict.min_valid_share_alike);
+  CHECK(blind.valid_share > .1);
   CHECK(blind.status == Status::NoOverlap);
 }
 

@@ -148,7 +148,7 @@ TEST_CASE("frames that are mostly masked are aligned one level finer, where all 
 
 TEST_CASE("a motion far beyond the reach of one descent is found from other starts") {
   AlignmentOptions one;
-  one.search_contradicted = 1;
+  one.multi_start_threshold = 1;
   int right = 0;
   int right_one = 0;
   for (unsigned seed = 1; seed <= 12; ++seed) {

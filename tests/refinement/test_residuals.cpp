@@ -4,7 +4,7 @@
 
 #include <doctest/doctest.h>
 
-#include <apso/refinement/cost/normal_equations.hpp>
+#include <apso/refinement/cost/tile_summer.hpp>
 
 #include "room.hpp"
 
@@ -40,11 +40,11 @@ double lane(const Lanes& l, int i) { return static_cast<double>(l[i]); }
 
 // All pixels of a list, one by one.
 template <class F>
-void for_pixels(const PixelList& list, const Warper& warp, F&& f) {
+void for_pixels(const PixelList& list, const Warper& warp, F&& f, const NoiseModel& noise = {}) {
   for (int b = 0; b < list.blocks(); ++b) {
     for (int at = 0; at < PixelList::kBlock; at += kLanes) {
       WarpedLanes o;
-      warp.warp(list.block(b), at, o);
+      warp.warp(noise, list.block(b), at, o);
       for (int i = 0; i < kLanes; ++i) {
         if (o.selected[i] != 0) f(o, i);
       }
@@ -59,7 +59,7 @@ TEST_CASE("derivatives of both residuals equal central differences") {
   for (const bool esm : {false, true}) {
     WarpOptions options;
     options.esm = esm;
-    const Warper warp(p.level(0), Pose::Identity(), {}, options, {}, 1.0F, 1.0F);
+    const Warper warp(p.level(0), Pose::Identity(), {}, options, 1.0F, 1.0F);
     int checked = 0;
     for_pixels(p.level(0).pixels, warp, [&](const WarpedLanes& o, int i) {
       if (!(o.weight_depth[i] > 0) || checked++ % 37 != 0) return;
@@ -102,9 +102,9 @@ TEST_CASE("with esm, the mean of the gradients of both images is used, turned in
   current.build(f.view(), kCamera, {}, one_level());
   const Pose T = room::pose(.02, -.01, .03, 1, -2, 30);
   WarpOptions options;
-  options.gate_on = false;
+  options.gate = 0;
   options.esm = true;
-  const Warper warp(current.level(0), T, {}, options, {}, 1.0F, 1.0F);
+  const Warper warp(current.level(0), T, {}, options, 1.0F, 1.0F);
   int checked = 0;
   for_pixels(reference.level(0).pixels, warp, [&](const WarpedLanes& o, int i) {
     if (o.valid[i] == 0 || checked++ % 37 != 0) return;
@@ -136,14 +136,17 @@ TEST_CASE("the fused pass sums what a plain loop in double sums, for every kerne
   scales.scale_intensity = 1.7;
   scales.scale_depth = .6;
   scales.alpha = 2;
+  for (const AlphaPlace place : {AlphaPlace::Outside, AlphaPlace::Inside})
   for (const NoiseForm form : {NoiseForm::Sensor, NoiseForm::StaticFusion}) {
-    for (int kind = 0; kind <= static_cast<int>(KernelKind::Barron); ++kind) {
+    scales.place = place;
+    for (int kind = 0; kind <= static_cast<int>(KernelKind::AdaptiveBarron); ++kind) {
       RobustKernel kernel;
       kernel.kind = static_cast<KernelKind>(kind);
-      NoiseOptions noise;
-      noise.form = form;
-      const Warper warp(current.level(0), T, {1.02F, -.01F}, {}, noise, 1.0F, 1.0F);
-      TileSummer summer(warp, kernel, scales), cost_alone(warp, kernel, scales);
+      NoiseOptions noise_options;
+      noise_options.form = form;
+      const NoiseModel noise(noise_options);
+      const Warper warp(current.level(0), T, {1.02F, -.01F}, {}, 1.0F, 1.0F);
+      TileSummer summer(warp, NoiseRef(noise), KernelRef(kernel), scales), cost_alone(warp, NoiseRef(noise), KernelRef(kernel), scales);
       NormalEquations sum, plain;
       double cost = 0, weight = 0, plain_cost = 0, plain_weight = 0;
       int plain_valid = 0;
@@ -163,10 +166,11 @@ TEST_CASE("the fused pass sums what a plain loop in double sums, for every kerne
       CHECK(cost_alone.counts().selected == summer.counts().selected);
       for_pixels(list, warp, [&](const WarpedLanes& o, int i) {
         const Eigen::Vector3d X(lane(o.X[0], i), lane(o.X[1], i), lane(o.X[2], i));
-        const double a2 = scales.alpha * scales.alpha;
-        const double lost = lane(o.lost, i) * (1 + a2);
-        plain_cost += lost * kernel.rho(3);
-        plain_weight += lost;
+        const bool inside = place == AlphaPlace::Inside;
+        const double a2 = inside ? 1 : scales.alpha * scales.alpha;
+        const double lost = lane(o.lost, i);
+        plain_cost += lost * (inside ? kernel.rho(3) + kernel.rho(3 * scales.alpha) : (1 + a2) * kernel.rho(3));
+        plain_weight += lost * (1 + a2);
         plain_valid += o.valid[i] != 0 ? 1 : 0;
         for (const bool photometric : {true, false}) {
           const Eigen::Vector3d a = photometric ? Eigen::Vector3d(lane(o.I[0], i), lane(o.I[1], i), lane(o.I[2], i))
@@ -174,7 +178,8 @@ TEST_CASE("the fused pass sums what a plain loop in double sums, for every kerne
           const double residual = lane(photometric ? o.residual_intensity : o.residual_depth, i);
           const double gamma = lane(photometric ? o.weight_intensity : o.weight_depth, i) * (photometric ? a2 : 1);
           const double scale = photometric ? scales.scale_intensity : scales.scale_depth;
-          const double g = std::sqrt(lane(photometric ? o.inverse_intensity : o.inverse_depth, i)) / scale;
+          const double g = std::sqrt(lane(photometric ? o.inverse_intensity : o.inverse_depth, i)) / scale *
+                           (photometric && inside ? scales.alpha : 1);
           Twist J;
           J << a, X.cross(a);
           const double q = gamma * kernel.weight(g * residual) * g * g;
@@ -183,7 +188,7 @@ TEST_CASE("the fused pass sums what a plain loop in double sums, for every kerne
           plain_cost += gamma * kernel.rho(g * residual);
           plain_weight += gamma;
         }
-      });
+      }, noise);
       CAPTURE(kind);
       const WarpCounts counts = summer.counts();
       CHECK(counts.valid == plain_valid);
@@ -222,8 +227,10 @@ TEST_CASE("a point in front of or behind the surface is gated, and the gate grow
   const auto count = [&](double dz, float factor) {
     Pose T = Pose::Identity();
     T.translation().z() = dz;
-    const Warper warp(p.level(0), T, {}, {}, {}, factor, 1.0F);
-    TileSummer summer(warp, {}, {});
+    const Warper warp(p.level(0), T, {}, {}, factor, 1.0F);
+    const NoiseModel noise;
+    const RobustKernel kernel;
+    TileSummer summer(warp, NoiseRef(noise), KernelRef(kernel), {});
     TileSums s;
     for (const PixelList::Tile& t : p.level(0).pixels.tiles) summer(p.level(0).pixels, t, s);
     return summer.counts();

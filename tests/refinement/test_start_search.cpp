@@ -157,7 +157,9 @@ TEST_CASE(
     build(r, reference);
     build(c, current);
     AlignmentCost cost{AlignmentOptions{}};
-    REQUIRE(cost.begin({{&reference, Pose::Identity(), 1}}, current));
+    const RobustKernel kernel;
+    const NoiseModel noise;
+    REQUIRE(cost.begin({{&reference, Pose::Identity(), 1}}, current, KernelRef(kernel), NoiseRef(noise), false));
     const Pose T_found = room::pose(.05, 0, 0, 0, 2, 0);
     StartSearch search;
     const std::vector<Start>& starts = search(cost, 0, T_found, Pose::Identity(), SerialExecutor{});
@@ -175,7 +177,7 @@ TEST_CASE(
     std::vector<Pose> guesses;
     corners(reference, current, 0, guesses);
     near_by_corners += std::any_of(guesses.begin(), guesses.end(), is_near);
-    REQUIRE(cost.begin({{&reference, Pose::Identity(), 1}}, current));
+    REQUIRE(cost.begin({{&reference, Pose::Identity(), 1}}, current, KernelRef(kernel), NoiseRef(noise), false));
     StartSearch again;
     const std::vector<Start>& same = again(cost, 0, T_found, Pose::Identity(), SerialExecutor{});
     REQUIRE(same.size() == starts.size());

@@ -21,7 +21,6 @@
 #include <apso/options.hpp>
 #include <apso/refinement/alignment_options.hpp>
 #include <apso/refinement/alignment_result.hpp>
-#include <apso/refinement/cost/adaptive_alpha.hpp>
 #include <apso/refinement/cost/cost_term.hpp>
 #include <apso/refinement/cost/illumination.hpp>
 #include <apso/refinement/cost/kernel_loop.hpp>
