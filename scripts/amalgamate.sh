@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Writes the library as one file that needs Eigen only: all of apso/apso.hpp, or some of its parts.
 # usage: scripts/amalgamate.sh [--only PART[,PART...]] OUTPUT
+#   PART: score, threshold, motion, align, blend, evaluate, track, or a header such as apso/testing/synthetic.hpp
 set -euo pipefail
 include=$(cd "$(dirname "$0")/.." && pwd)/include
 parts=() only=
@@ -8,7 +9,7 @@ for p in score threshold motion align blend evaluate track; do
   [ ! -e "$include/apso/$p.hpp" ] || parts+=("$p")
 done
 usage() {
-  printf 'usage: %s [--only PART[,PART...]] OUTPUT, e.g. %s --only align apso_align.hpp\nparts: %s\n' "$0" "$0" "${parts[*]}" >&2
+  printf 'usage: %s [--only PART[,PART...]] OUTPUT, e.g. %s --only align apso_align.hpp\nparts: %s, or a header such as apso/testing/synthetic.hpp\n' "$0" "$0" "${parts[*]}" >&2
   exit 2
 }
 if [ "${1:-}" = --only ]; then
@@ -21,8 +22,14 @@ roots=apso/apso.hpp
 if [ -n "$only" ]; then
   roots=
   for p in ${only//,/ }; do
-    [[ " ${parts[*]} " == *" $p "* ]] || { echo "$0: there is no part '$p'" >&2; usage; }
-    roots+=" apso/$p.hpp"
+    if [[ " ${parts[*]} " == *" $p "* ]]; then
+      roots+=" apso/$p.hpp"
+    elif [[ $p == apso/*.hpp && -e $include/$p ]]; then
+      roots+=" $p"
+    else
+      echo "$0: there is no part '$p'" >&2
+      usage
+    fi
   done
 fi
 version=$(sed -n 's/^#define APSO_VERSION "\(.*\)"/\1/p' "$include/apso/version.hpp")
