@@ -150,6 +150,7 @@
 #include <apso/traits/keypoint.hpp>
 #include <apso/traits/pose.hpp>
 #include <apso/traits/ranges.hpp>
+#include <apso/traits/rectifier.hpp>
 #include <apso/traits/rows.hpp>
 #include <apso/traits/stamped_pose.hpp>
 #include <apso/traits/track.hpp>

@@ -8,9 +8,6 @@ struct apso::camera_traits<MyCamera> {
   static bool project(const MyCamera&, const Eigen::Vector3d&, Eigen::Vector2d&) { return false; }
 #endif
   static Eigen::Vector3d unproject(const MyCamera&, const Eigen::Vector2d&) { return {0, 0, 1}; }
-  static Eigen::Matrix<double, 2, 3> project_jacobian(const MyCamera&, const Eigen::Vector3d&) {
-    return Eigen::Matrix<double, 2, 3>::Zero();
-  }
 };
 
 apso::Pinhole use(const MyCamera& camera) { return apso::to_pinhole(camera, 640, 480); }

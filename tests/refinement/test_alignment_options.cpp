@@ -34,9 +34,6 @@ struct apso::camera_traits<Focal> {
     return X.z() > 0;
   }
   static Eigen::Vector3d unproject(const Focal& c, const Eigen::Vector2d& u) { return c.p.unproject(u.x(), u.y(), 1); }
-  static Eigen::Matrix<double, 2, 3> project_jacobian(const Focal& c, const Eigen::Vector3d& X) {
-    return c.p.project_jacobian(X);
-  }
 };
 
 namespace {

@@ -105,11 +105,6 @@ struct apso::camera_traits<user::Camera> {
     const double s = 1 + c.k * m.squaredNorm();
     return {m.x() * s, m.y() * s, 1.0};
   }
-  static Eigen::Matrix<double, 2, 3> project_jacobian(const user::Camera& c, const Eigen::Vector3d& X) {
-    Eigen::Matrix<double, 2, 3> J;
-    J << c.f / X.z(), 0, -c.f * X.x() / (X.z() * X.z()), 0, c.f / X.z(), -c.f * X.y() / (X.z() * X.z());
-    return J;
-  }
 };
 template <>
 struct apso::keypoint_traits<user::Corner> {

@@ -3,11 +3,13 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/traits/camera.hpp>
 #include <apso/types/pinhole.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -33,6 +35,48 @@ struct CameraModel {
     expects(std::isfinite(depth_scale) && depth_scale > 0, "CameraModel: depth_scale must be > 0 (units per metre)");
     expects(std::isfinite(k1) && std::isfinite(k2) && std::isfinite(p1) && std::isfinite(p2) && std::isfinite(k3),
             "CameraModel: the distortion must be finite");
+  }
+};
+
+/// Takes part wherever a camera does, e.g. `Rectifier(camera_by_name("tum-fr1"), 640, 480)`.
+template <>
+struct camera_traits<CameraModel> {
+  /// False behind the camera and beyond the radius where the polynomial of the lens turns back: no image shows such a point.
+  static bool project(const CameraModel& c, const Eigen::Vector3d& X, Eigen::Vector2d& pixel) {
+    if (!(X.z() > 0)) return false;
+    const double x = X.x() / X.z();
+    const double y = X.y() / X.z();
+    const double r2 = x * x + y * y;
+    if (!(1 + r2 * (3 * c.k1 + r2 * (5 * c.k2 + r2 * 7 * c.k3)) > 0)) return false;  // d(r radial)/dr
+    const Eigen::Vector2d d = c.distort(x, y);
+    pixel = {c.pinhole.fx * d.x() + c.pinhole.cx, c.pinhole.fy * d.y() + c.pinhole.cy};
+    return true;
+  }
+  /// Newton's method from the distorted point; NaN where it finds no ray.
+  static Eigen::Vector3d unproject(const CameraModel& c, const Eigen::Vector2d& pixel) {
+    const double u = (pixel.x() - c.pinhole.cx) / c.pinhole.fx;
+    const double v = (pixel.y() - c.pinhole.cy) / c.pinhole.fy;
+    double x = u;
+    double y = v;
+    for (int i = 0; i < 20; ++i) {
+      const Eigen::Vector2d d = c.distort(x, y);
+      const double ex = d.x() - u;
+      const double ey = d.y() - v;
+      if (std::abs(ex) + std::abs(ey) < 1e-13) return {x, y, 1};
+      const double r2 = x * x + y * y;
+      const double radial = 1 + r2 * (c.k1 + r2 * (c.k2 + r2 * c.k3));
+      const double slope = c.k1 + r2 * (2 * c.k2 + r2 * 3 * c.k3);  // d radial / d r2
+      const double xx = radial + 2 * x * x * slope + 2 * c.p1 * y + 6 * c.p2 * x;
+      const double xy = 2 * x * y * slope + 2 * c.p1 * x + 2 * c.p2 * y;
+      const double yy = radial + 2 * y * y * slope + 6 * c.p1 * y + 2 * c.p2 * x;
+      const double determinant = xx * yy - xy * xy;
+      if (!(std::abs(determinant) > 1e-12)) break;
+      x -= (yy * ex - xy * ey) / determinant;
+      y -= (xx * ey - xy * ex) / determinant;
+    }
+    const Eigen::Vector2d d = c.distort(x, y);
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    return std::abs(d.x() - u) + std::abs(d.y() - v) < 1e-9 ? Eigen::Vector3d(x, y, 1) : Eigen::Vector3d(nan, nan, nan);
   }
 };
 

@@ -1,5 +1,6 @@
 /// \file
-/// How a camera model of yours is taken in: specialise camera_traits, then hand the algorithms `to_pinhole(camera, ...)`.
+/// How a camera model of yours is taken in: specialise camera_traits. Algorithms take it where it is a pinhole; the images of
+/// a lens with distortion are rectified first (rectifier.hpp).
 ///
 /// \code
 /// template <>
@@ -8,8 +9,6 @@
 ///   static bool project(const MyCamera& c, const Eigen::Vector3d& X, Eigen::Vector2d& pixel);
 ///   // ray through a pixel, scaled to z = 1
 ///   static Eigen::Vector3d unproject(const MyCamera& c, const Eigen::Vector2d& pixel);
-///   // d pixel / d X
-///   static Eigen::Matrix<double, 2, 3> project_jacobian(const MyCamera& c, const Eigen::Vector3d& X);
 /// };
 /// \endcode
 ///
@@ -41,9 +40,6 @@ struct camera_traits<Pinhole> {
   static Eigen::Vector3d unproject(const Pinhole& camera, const Eigen::Vector2d& pixel) {
     return camera.unproject(pixel.x(), pixel.y(), 1.0);
   }
-  static Eigen::Matrix<double, 2, 3> project_jacobian(const Pinhole& camera, const Eigen::Vector3d& X) {
-    return camera.project_jacobian(X);
-  }
 };
 
 namespace detail {
@@ -54,20 +50,14 @@ template <class T>
 using camera_unproject_t =
     decltype(camera_traits<T>::unproject(std::declval<const T&>(), std::declval<const Eigen::Vector2d&>()));
 template <class T>
-using camera_jacobian_t =
-    decltype(camera_traits<T>::project_jacobian(std::declval<const T&>(), std::declval<const Eigen::Vector3d&>()));
-template <class T>
 inline constexpr bool camera_has_project = detected_as_v<bool, camera_project_t, T>;
 template <class T>
 inline constexpr bool camera_has_unproject = detected_as_v<Eigen::Vector3d, camera_unproject_t, T>;
-template <class T>
-inline constexpr bool camera_has_jacobian = detected_as_v<Eigen::Matrix<double, 2, 3>, camera_jacobian_t, T>;
 }  // namespace detail
 
 /// True when T can be used as a camera.
 template <class T>
-inline constexpr bool is_camera_v =
-    detail::camera_has_project<T> && detail::camera_has_unproject<T> && detail::camera_has_jacobian<T>;
+inline constexpr bool is_camera_v = detail::camera_has_project<T> && detail::camera_has_unproject<T>;
 
 /// Names every member of camera_traits<T> that is missing, in the compiler's message.
 template <class T>
@@ -78,9 +68,6 @@ struct require_camera {
   static_assert(detail::camera_has_unproject<T>,
                 "apso: camera_traits<T> needs `static Eigen::Vector3d unproject(const T& camera, "
                 "const Eigen::Vector2d& pixel);`");
-  static_assert(detail::camera_has_jacobian<T>,
-                "apso: camera_traits<T> needs `static Eigen::Matrix<double,2,3> project_jacobian(const T& camera, "
-                "const Eigen::Vector3d& X);`");
 };
 
 /// Stands first in every function that takes a camera type of the user; see check_image.
@@ -89,8 +76,8 @@ constexpr require_camera<T> check_camera() {
   return {};
 }
 
-/// The pinhole that your camera is. Throws contract_error when it is none (lens distortion): such images have to be
-/// rectified before they enter the library.
+/// The pinhole that your camera is. Throws contract_error when it is none (lens distortion): apso::Rectifier makes images of a
+/// pinhole from those of such a camera.
 /// \param tolerance_px how far a pixel of your camera may lie from the pinhole's [px]
 template <class CameraT>
 [[nodiscard]] Pinhole to_pinhole(const CameraT& camera, int width, int height, double tolerance_px = 0.01) {
@@ -114,7 +101,7 @@ template <class CameraT>
       const Eigen::Vector2d pixel(right * i / 4.0, bottom * j / 4.0);
       const Eigen::Vector3d ray = Traits::unproject(camera, pixel);
       const double error = (p.project(ray) - pixel).norm();
-      expects(error <= tolerance_px, "to_pinhole: the camera is no pinhole; rectify its images first");  // false for NaN
+      expects(error <= tolerance_px, "to_pinhole: the camera has lens distortion; rectify its images first, with apso::Rectifier (apso/traits/rectifier.hpp)");  // false for NaN
     }
   }
   return p;
