@@ -7,10 +7,14 @@
 
 #include <benchmark/benchmark.h>
 
+#include <apso/io/camera_model.hpp>
 #include <apso/opencv/adapters.hpp>
+#include <apso/pipeline/working_copy.hpp>
 #include <apso/refinement/align.hpp>
 #include <apso/traits/byte_image.hpp>
 #include <apso/traits/eigen_image.hpp>
+#include <apso/traits/frame.hpp>
+#include <apso/traits/rectifier.hpp>
 
 #include "../examples/integrate/types/recipes.hpp"
 #include "../tests/refinement/room.hpp"
@@ -106,6 +110,41 @@ const auto cv_mat = [](const Pixels& p) -> const auto& { return p.mat; };
 const auto eigen_rows = [](const Pixels& p) -> const auto& { return p.eigen; };
 const auto bytes = [](const Pixels& p) { return p.buffer(); };
 
+// The one copy of a frame that the pipeline takes.
+template <class Get>
+void working_copy(benchmark::State& state, Get get) {
+  const Scene& s = scene();
+  const auto& depth = get(s);
+  const auto frame = apso::frame(0.0, s.reference.intensity, depth, s.camera);
+  apso::detail::WorkingCopy work;
+  for (auto _ : state) {
+    work.take(frame, s.camera.width, s.camera.height);
+    benchmark::DoNotOptimize(work.frame());
+    benchmark::ClobberMemory();
+  }
+}
+const auto native_depth = [](const Scene& s) -> const auto& { return s.reference.depth; };
+const auto raw_depth = [](const Scene& s) { return apso::scaled(s.reference_depth.view(), 0.001F); };
+
+void rectify_intensity(benchmark::State& state) {
+  const apso::Rectifier rectifier(apso::camera_by_name("tum-fr1"), 640, 480);
+  apso::Image<float> out;
+  for (auto _ : state) {
+    rectifier.intensity(scene().reference.intensity, out);
+    benchmark::DoNotOptimize(out.data());
+    benchmark::ClobberMemory();
+  }
+}
+void rectify_depth(benchmark::State& state) {
+  const apso::Rectifier rectifier(apso::camera_by_name("tum-fr1"), 640, 480);
+  apso::Image<float> out;
+  for (auto _ : state) {
+    rectifier.depth(apso::scaled(scene().reference_depth.view(), 0.001F), out);
+    benchmark::DoNotOptimize(out.data());
+    benchmark::ClobberMemory();
+  }
+}
+
 // The pose conversions, to show that they vanish beside everything else.
 template <class PoseT>
 void pose_round_trip(benchmark::State& state) {
@@ -131,6 +170,10 @@ BENCHMARK_CAPTURE(align, cv_mat, cv_mat)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(align, eigen_rows, eigen_rows)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(align, user_at, user_at)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(align, bytes, bytes)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(working_copy, native_depth, native_depth)->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(working_copy, raw_depth, raw_depth)->Unit(benchmark::kMicrosecond);
+BENCHMARK(rectify_intensity)->Unit(benchmark::kMicrosecond);
+BENCHMARK(rectify_depth)->Unit(benchmark::kMicrosecond);
 BENCHMARK_TEMPLATE(pose_round_trip, apso::Pose);
 BENCHMARK_TEMPLATE(pose_round_trip, Eigen::Isometry3f);
 BENCHMARK_TEMPLATE(pose_round_trip, host::QuaternionPose);

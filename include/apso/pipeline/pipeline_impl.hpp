@@ -137,7 +137,10 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     if (final_score) input.below_threshold = report_.assessment.th_differ - final_score->value();
     report_.refinement = refiner_.refine(input, executor);
     report_.refined = report_.refinement.refined;
-    if (report_.refined) T_world_camera = report_.refinement.T_world_camera;
+    if (report_.refined) {
+      T_world_camera = report_.refinement.T_world_camera;
+      report_.T_world_direct = from_pose<P>(report_.refinement.T_world_direct);
+    }
   }
   // Without features and without a trusted direct pose nothing was measured: the pose is a guess.
   if (!feature_ok_ && !report_.refined) report_.state = SceneState::Lost;
