@@ -1,6 +1,19 @@
 # The documentation: code in it is that of compiled files, the site has no dead links, and the API reference no warnings.
 if(NOT APSO_INNER)
   add_test(NAME docs_snippets COMMAND ${PROJECT_SOURCE_DIR}/scripts/snippets.sh --check)
+  find_program(APSO_GXX g++)
+  find_program(APSO_CLANGXX clang++)
+  get_target_property(_eigen Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
+  foreach(_compiler IN ITEMS GXX CLANGXX)
+    foreach(_standard IN ITEMS 17 20)
+      if(APSO_${_compiler})
+        string(TOLOWER docs_snippets_compile_${_compiler}_${_standard} _name)
+        add_test(NAME ${_name} COMMAND ${CMAKE_CURRENT_LIST_DIR}/snippets_compile.sh ${APSO_${_compiler}} ${_standard}
+                                       ${PROJECT_SOURCE_DIR} ${_eigen} ${OpenCV_INCLUDE_DIRS})
+        set_tests_properties(${_name} PROPERTIES TIMEOUT 1800)
+      endif()
+    endforeach()
+  endforeach()
   find_program(APSO_MKDOCS mkdocs)
   if(APSO_MKDOCS)
     add_test(NAME docs_site COMMAND ${APSO_MKDOCS} build --strict --quiet --config-file ${PROJECT_SOURCE_DIR}/mkdocs.yml

@@ -1,0 +1,25 @@
+#!/usr/bin/env bash
+# Every C++ file that the documentation shows a part of, compiled with warnings as errors.
+# usage: snippets_compile.sh COMPILER STANDARD SOURCE_DIR SYSTEM_INCLUDE...
+set -euo pipefail
+compiler=$1
+standard=$2
+source=$3
+shift 3
+cd "$source"
+system=()
+for folder in "$@"; do system+=(-isystem "$folder"); done
+own=(-Iinclude -Iexamples/integrate/ros_common -Iexamples/integrate/orb_slam3 -Itests/integrate/orb_slam3
+     -Itests/sophus/stand_in -Itests/integrate/ros2/stand_in)
+count=0
+bad=0
+while IFS= read -r file; do
+  count=$((count + 1))
+  # included from a file of no name: a header compiled by itself would warn about its #pragma once
+  echo "#include \"$source/$file\"" |
+    "$compiler" "-std=c++$standard" -fsyntax-only -x c++ -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Werror \
+      "${own[@]}" "${system[@]}" - || { echo "$file does not compile silently" >&2; bad=1; }
+done < <(grep -rhoE '^<!-- snippet: [^ ]+\.(cpp|hpp|cc|h)' docs README.md CONTRIBUTING.md | sed 's/.*: //' | LC_ALL=C sort -u)
+[ "$count" -gt 0 ] || { echo "no snippet found"; exit 1; }
+echo "$count files of the documentation compiled"
+exit $bad

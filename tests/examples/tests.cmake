@@ -1,0 +1,11 @@
+# The short programs of examples/: each checks its own result and needs no argument. The programs apso_* have tests of
+# their own, in e2e*.
+if(NOT APSO_INNER)
+  file(GLOB _programs CONFIGURE_DEPENDS RELATIVE ${PROJECT_SOURCE_DIR}/examples ${PROJECT_SOURCE_DIR}/examples/*.cpp)
+  foreach(_source IN LISTS _programs)
+    get_filename_component(_name ${_source} NAME_WE)
+    if(TARGET ${_name} AND NOT _name MATCHES "^apso_|^residual_weights$|^minimal_tracker$")
+      add_test(NAME example_${_name} COMMAND ${_name})
+    endif()
+  endforeach()
+endif()
