@@ -3,6 +3,8 @@
 
 #include <cmath>
 #include <cstdint>
+#include <deque>
+#include <list>
 #include <vector>
 
 #include <apso/quality/assessor.hpp>
@@ -17,6 +19,8 @@ struct Inputs {
   Image<float> intensity{640, 480, 0.5F};
   Image<float> depth{640, 480};
   Image<float> mask{640, 480, 0.F};
+  Image<std::uint8_t> grey{640, 480};
+  Image<std::uint16_t> raw{640, 480};
   std::vector<Keypoint> keypoints;
   std::vector<PointTrack> tracks;
   std::vector<Detection> objects;
@@ -33,7 +37,9 @@ struct Inputs {
         const float z = 1.5F + 2.F * static_cast<float>(x) / 640.F;
         depth(x, y) = random() < 0.1F ? 0.F : z + 0.003F * (random() - 0.5F) * z * z;
         intensity(x, y) = random();
-      if (x >= 250 && x < 400 && y >= 80) mask(x, y) = 1.F;
+        grey(x, y) = static_cast<std::uint8_t>(255 * intensity(x, y));
+        raw(x, y) = static_cast<std::uint16_t>(5000 * depth(x, y));
+        if (x >= 250 && x < 400 && y >= 80) mask(x, y) = 1.F;
       }
     }
     for (int i = 0; i < 1000; ++i) {
@@ -71,7 +77,7 @@ void S_conf(benchmark::State& s) {
 }
 void S_spatial(benchmark::State& s) {
   std::vector<float> scratch;
-  for (auto _ : s) benchmark::DoNotOptimize(spatial_score(inputs().objects, 640, 480, {}, scratch));
+  for (auto _ : s) benchmark::DoNotOptimize(spatial_score(inputs().objects, 640, 480, SpatialOptions{}, scratch));
 }
 void S_feature(benchmark::State& s) {
   FeatureScratch scratch;
@@ -84,9 +90,13 @@ void S_sharp(benchmark::State& s) {
   for (auto _ : s) benchmark::DoNotOptimize(measure_sharpness(inputs().intensity));
 }
 void S_depth(benchmark::State& s) {
-  DepthQualityOptions o;
-  o.stride = static_cast<int>(s.range(0));
-  for (auto _ : s) benchmark::DoNotOptimize(depth_score(inputs().depth, o));
+  std::vector<float> scratch;
+  for (auto _ : s) benchmark::DoNotOptimize(depth_score(inputs().depth, {}, {}, scratch));
+}
+void S_depth_of_raw_16_bit(benchmark::State& s) {
+  std::vector<float> scratch;
+  const auto metres = scaled(inputs().raw, 1 / 5000.F);
+  for (auto _ : s) benchmark::DoNotOptimize(depth_score(metres, {}, {}, scratch));
 }
 void S_mc(benchmark::State& s) {
   MotionScratch scratch;
@@ -95,21 +105,37 @@ void S_mc(benchmark::State& s) {
 void S_dc(benchmark::State& s) {
   DepthSamples a;
   DepthSamples b;
-  sample_depth(inputs().depth, inputs().mask, {}, a);
+  std::vector<float> scratch, scratch_mask;
+  sample_depth(inputs().depth, inputs().mask, a);
   for (auto _ : s) {
-    sample_depth(inputs().depth, inputs().mask, {}, b);
+    sample_depth(inputs().depth, inputs().mask, {}, b, scratch, scratch_mask);
     benchmark::DoNotOptimize(depth_change(a, b));
   }
 }
 void S_dec(benchmark::State& s) {
   DetectionScratch scratch;
-  for (auto _ : s) benchmark::DoNotOptimize(detection_change(inputs().objects, inputs().objects, {}, scratch));
+  for (auto _ : s) benchmark::DoNotOptimize(detection_change(inputs().objects, inputs().objects, scratch));
 }
 void Assess(benchmark::State& s) {
   SceneAssessor assessor(inputs().camera);
   double t = 0;
   for (int i = 0; i < 60; ++i) assessor.assess(inputs().frame(t += 1.0 / 30));
   for (auto _ : s) benchmark::DoNotOptimize(assessor.assess(inputs().frame(t += 1.0 / 30)).S_final);
+}
+/// The same frame as other types: 8-bit grey, raw 16-bit depth, keypoints and tracks in lists of their own.
+void AssessForeign(benchmark::State& s) {
+  SceneAssessor assessor(inputs().camera);
+  const std::list<PointTrack> tracks(inputs().tracks.begin(), inputs().tracks.end());
+  const std::deque<Keypoint> keypoints(inputs().keypoints.begin(), inputs().keypoints.end());
+  double t = 0;
+  const auto next = [&] {
+    const auto now = frame(t += 1.0 / 30, inputs().grey, scaled(inputs().raw, 1 / 5000.F), inputs().camera);
+    auto input = assessment_input(now, keypoints, tracks, inputs().objects, inputs().mask);
+    input.dynamic_ratio = 0.2;
+    return assessor.assess(input).S_final;
+  };
+  for (int i = 0; i < 60; ++i) next();
+  for (auto _ : s) benchmark::DoNotOptimize(next());
 }
 void Explain(benchmark::State& s) {
   SceneAssessor assessor(inputs().camera);
@@ -122,9 +148,11 @@ BENCHMARK(S_conf);
 BENCHMARK(S_spatial);
 BENCHMARK(S_feature);
 BENCHMARK(S_sharp);
-BENCHMARK(S_depth)->Arg(4)->Arg(1);
+BENCHMARK(S_depth);
+BENCHMARK(S_depth_of_raw_16_bit);
 BENCHMARK(S_mc);
 BENCHMARK(S_dc);
 BENCHMARK(S_dec);
 BENCHMARK(Assess);
+BENCHMARK(AssessForeign);
 BENCHMARK(Explain);

@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include <apso/evaluation/decision_analysis.hpp>
+#include <apso/quality/assessment.hpp>
 #include <apso/version.hpp>
 
 #include "track/plots.hpp"
@@ -35,22 +36,24 @@ struct Score {
   bool quality;  ///< 1 - value is taken
 };
 const std::vector<Score>& scores() {
-  static const std::vector<Score> list{{"1 - S_final", "S_final", true},
-                                       {"1 - S_total", "S_total", true},
-                                       {"1 - S_conf", "S_conf", true},
-                                       {"1 - S_spatial", "S_spatial", true},
-                                       {"1 - S_feature", "S_feature", true},
-                                       {"1 - S_cnt", "S_cnt", true},
-                                       {"1 - S_resp", "S_resp", true},
-                                       {"1 - S_unif", "S_unif", true},
-                                       {"1 - S_sharp", "S_sharp", true},
-                                       {"1 - S_depth", "S_depth", true},
-                                       {"S_change", "S_change", false},
-                                       {"S_mc", "S_mc", false},
-                                       {"S_dc", "S_dc", false},
-                                       {"S_dec", "S_dec", false},
-                                       {"S_step", "S_step", false},
-                                       {"dynamic ratio", "dynamic_ratio", false}};
+  static const std::vector<Score> list = [] {
+    std::vector<Score> all{{"1 - S_final", "S_final", true}, {"1 - S_total", "S_total", true}};
+    const auto add = [&all](const std::string& column, apso::Better better) {
+      const bool quality = better == apso::Better::Higher;
+      all.push_back({(quality ? "1 - " : "") + column, column, quality});
+    };
+    const apso::Assessment a;
+    apso::for_each_frame_score(a, [&](const char* name, const auto&, double, apso::Better better) { add(name, better); });
+    // what the scores of a frame measured on the way to their value, where it is a score itself
+    apso::for_each_measurement(a, [&](const std::string& column, double) {
+      if (column.rfind("S_", 0) == 0) add(column, apso::Better::Higher);
+    });
+    all.push_back({"S_change", "S_change", false});
+    apso::for_each_change_score(a, [&](const char* name, const auto&, double, apso::Better better) { add(name, better); });
+    all.push_back({"S_step", "S_step", false});
+    all.push_back({"dynamic ratio", "dynamic_ratio", false});
+    return all;
+  }();
   return list;
 }
 

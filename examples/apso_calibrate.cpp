@@ -65,44 +65,16 @@ std::vector<track::Run> runs_of(const std::vector<std::string>& sequences, const
   return runs;
 }
 
-template <class Score>
-std::optional<Score> maybe(double v) {
-  return std::isfinite(v) ? std::optional<Score>(Score(v)) : std::nullopt;
-}
-
 void append_samples(const std::vector<track::Run>& runs, bool by_error, std::vector<apso::CalibrationSample>& out) {
   for (const track::Run& run : runs) {
     for (const track::RunFrame& f : run.frames) {
       if (!f.decided()) continue;
-      const auto at = [&](const char* c) { return run.at(f, c); };
+      const auto at = [&](const std::string& c) { return run.at(f, c); };
       apso::CalibrationSample s;
-      s.S_conf = maybe<apso::Quality>(at("S_conf"));
-      s.S_spatial = maybe<apso::Quality>(at("S_spatial"));
-      s.S_feature = maybe<apso::Quality>(at("S_feature"));
-      s.S_depth = maybe<apso::Quality>(at("S_depth"));
-      s.S_mc = maybe<apso::Deviation>(at("S_mc"));
-      s.S_dc = maybe<apso::Deviation>(at("S_dc"));
-      s.S_dec = maybe<apso::Deviation>(at("S_dec"));
-      s.dynamic_ratio = at("dynamic_ratio");
-      s.flow = at("flow");
-      s.track_overlap = at("track_overlap");
-      s.step_flow = at("step_flow");
-      s.depth_mean = at("depth_mean");
-      s.depth_spread = at("depth_spread");
-      s.depth_overlap = at("depth_overlap");
+      apso::read_scores(s.assessment, at);
+      s.assessment.dynamic_ratio = at("dynamic_ratio");
       s.hard = by_error && (f.failed || !f.label.empty());
       out.push_back(s);
-    }
-  }
-}
-
-/// Recomputes the change scores from the recorded measurements.
-void rescale(std::vector<apso::CalibrationSample>& samples, const apso::AssessorOptions& o) {
-  for (apso::CalibrationSample& s : samples) {
-    if (s.S_mc && std::isfinite(s.flow))
-      s.S_mc = apso::motion_deviation(s.flow, s.flow, s.track_overlap, o.motion_change.scale);
-    if (s.S_dc && std::isfinite(s.depth_mean)) {
-      s.S_dc = apso::depth_deviation(s.depth_mean, s.depth_spread, s.depth_overlap, o.depth_change);
     }
   }
 }
@@ -134,6 +106,37 @@ void write_config(const std::string& file, const Arguments& a, const track::Conf
   if (!out) throw apso::io_error(file + ": cannot write");
 }
 
+void tell(const std::string& what, double before, double after) {
+  std::printf("%-36s %8.4f -> %8.4f\n", what.c_str(), before, after);
+}
+
+/// All numbers among some options, by their names.
+class Numbers {
+ public:
+  explicit Numbers(std::vector<std::pair<std::string, double>>& out, std::string prefix = "") : out_(&out), prefix_(std::move(prefix)) {}
+  template <class T, class L, class H>
+  void operator()(const char* name, const T& value, L, H) const {
+    out_->emplace_back(prefix_ + name, static_cast<double>(value));
+  }
+  template <class T>
+  void operator()(const char* name, const T& value) const {
+    if constexpr (apso::is_options_v<T>) T::fields(value, Numbers(*out_, prefix_ + name + '.'));
+  }
+
+ private:
+  std::vector<std::pair<std::string, double>>* out_;
+  std::string prefix_;
+};
+
+void tell_changes(const apso::AssessorOptions& before, const apso::AssessorOptions& after) {
+  std::vector<std::pair<std::string, double>> b, a;
+  apso::AssessorOptions::fields(before, Numbers(b));
+  apso::AssessorOptions::fields(after, Numbers(a));
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (a[i].second != b[i].second) tell(a[i].first, b[i].second, a[i].second);
+  }
+}
+
 int run(const Arguments& a) {
   track::Config config;
   if (!a.config.empty()) apso::read_parameters(a.config, config);
@@ -147,39 +150,23 @@ int run(const Arguments& a) {
   if (calm.empty())
     throw apso::io_error("no frame with a decision in the calm sequences; they must be longer than the initialisation");
 
-  const auto tell = [](const char* what, double before, double after) {
-    std::printf("%-36s %8.4f -> %8.4f\n", what, before, after);
-  };
   if (!a.keep_scales) {
-    const apso::CalibratedScales s = apso::calibrate_scales(calm);
-    const auto adopt = [&](const char* what, double& to, double found) {
-      if (!(found > 0)) return;
-      const double rounded = std::max(1e-4, std::round(found * 1e4) / 1e4);
-      tell(what, to, rounded);
-      to = rounded;
-    };
-    adopt("motion_change.scale", o.motion_change.scale, s.motion);
-    adopt("motion_change.scale_previous", o.motion_change.scale_previous, s.motion_previous);
-    adopt("depth_change.scale_mean", o.depth_change.scale_mean, s.depth_mean);
-    adopt("depth_change.scale_spread", o.depth_change.scale_spread, s.depth_spread);
+    const apso::AssessorOptions before = o;
+    apso::calibrate_scales(calm, o);
+    tell_changes(before, o);
   }
-  rescale(calm, o);
-  rescale(all, o);
+  for (apso::CalibrationSample& s : calm) apso::revalue(s, o);
+  for (apso::CalibrationSample& s : all) apso::revalue(s, o);
   const auto threshold = [&] { return std::round(apso::calibrate_threshold(final_scores(all, o, false)) * 1e3) / 1e3; };
   const double th_before = o.decision.th_differ;
   if (a.fit_weights) {
     o.decision.th_differ = threshold();  // the weights are to tell frames apart at the threshold they will meet
-    const apso::FittedWeights w = apso::fit_weights(all, o.frame_weights, o.change_weights, o.decision);
-    tell("frame_weights.conf", o.frame_weights.conf, w.frame.conf);
-    tell("frame_weights.spatial", o.frame_weights.spatial, w.frame.spatial);
-    tell("frame_weights.feature", o.frame_weights.feature, w.frame.feature);
-    tell("frame_weights.depth", o.frame_weights.depth, w.frame.depth);
-    tell("change_weights.motion", o.change_weights.motion, w.change.motion);
-    tell("change_weights.depth", o.change_weights.depth, w.change.depth);
-    tell("change_weights.detection", o.change_weights.detection, w.change.detection);
-    tell("loss", w.loss_before, w.loss);
+    const auto w = apso::fit_weights(all, o.frame_weights, o.change_weights, o.decision);
+    const apso::AssessorOptions before = o;
     o.frame_weights = w.frame;
     o.change_weights = w.change;
+    tell_changes(before, o);
+    tell("loss", w.loss_before, w.loss);
   }
   const double th = threshold();
   tell("decision.th_differ", th_before, th);

@@ -15,25 +15,18 @@
 
 namespace {
 // The features are yours; here FAST corners of OpenCV, whose responses the defaults are made for.
-std::vector<apso::Keypoint> corners(const apso::ImageView<const float>& intensity) {
-  cv::Mat grey;
-  apso::opencv::as_mat(intensity).convertTo(grey, CV_8U, 255.0);
+std::vector<cv::KeyPoint> corners(const cv::Mat& grey) {
   std::vector<cv::KeyPoint> found;
   cv::FAST(grey, found, 20);
   cv::KeyPointsFilter::retainBest(found, 1000);
-  std::vector<apso::Keypoint> keypoints;
-  apso::copy_keypoints(found, keypoints);
-  return keypoints;
+  return found;
 }
 
 void show(const apso::Assessment& a) {
-  const auto print = [](const char* name, const apso::MaybeQuality& q) {
-    if (q) std::printf("  %s %.2f", name, q->value());
-  };
   std::printf("frame %3d  S_total %.2f ", a.frame, a.S_total.value());
-  print("S_spatial", a.S_spatial);
-  print("S_feature", a.S_feature);
-  print("S_depth", a.S_depth);
+  apso::for_each_frame_score(a, [](const char* name, const auto& value, double, apso::Better) {
+    if (value) std::printf("  %s %.2f", name, *value);
+  });
   std::printf("  dynamic %.2f  %s\n", a.dynamic_ratio, apso::to_string(a.state));
 }
 }  // namespace
@@ -46,17 +39,14 @@ int main(int argc, char** argv) {
       std::fprintf(stderr, "score_frame: need two images of one size, the second with 16 bit depth\n");
       return 1;
     }
-    apso::Image<float> intensity;
-    apso::Image<float> depth;
-    apso::copy_to_float(apso::opencv::as_image<std::uint8_t>(grey), 1.0 / 255, intensity);
-    apso::copy_to_float(apso::opencv::as_image<std::uint16_t>(raw), 1.0 / 5000, depth);
-    const std::vector<apso::Keypoint> keypoints = corners(intensity);
     // [score]
-    apso::SceneAssessor assessor(apso::testing::freiburg3_camera(grey.cols, grey.rows));
-    apso::AssessmentInput input;
-    input.frame = {0.0, intensity, depth};
-    input.keypoints = &keypoints;
-    show(assessor.assess(input));
+    const apso::Pinhole camera = apso::testing::freiburg3_camera(grey.cols, grey.rows);
+    const auto intensity = apso::opencv::as_image<std::uint8_t>(grey);
+    const auto depth = apso::scaled(apso::opencv::as_image<std::uint16_t>(raw), 1 / 5000.F);  // metres, without a copy
+    const std::vector<cv::KeyPoint> keypoints = corners(grey);
+    apso::SceneAssessor assessor(camera);
+    const auto frame = apso::frame(0.0, intensity, depth, camera);
+    show(assessor.assess(apso::assessment_input(frame, keypoints)));
     // [/score]
     return 0;
   }
@@ -70,12 +60,10 @@ int main(int argc, char** argv) {
   for (int i = 0; i < sequence.size(); ++i) {
     sequence.render(i, frame);
     apso::testing::true_dynamic_probability(frame, dynamic);
-    const std::vector<apso::Keypoint> keypoints = corners(frame.intensity);
-    apso::AssessmentInput input;
-    input.frame = frame.rgbd();
-    input.dynamic_probability = dynamic;
-    input.dynamic_ratio = apso::testing::dynamic_share(frame);
-    input.keypoints = &keypoints;
+    cv::Mat grey;
+    apso::opencv::as_mat(frame.intensity.view()).convertTo(grey, CV_8U, 255.0);
+    const std::vector<cv::KeyPoint> keypoints = corners(grey);
+    const auto input = apso::assessment_input(frame.rgbd(), keypoints, apso::none, apso::none, dynamic);
     const apso::Assessment& assessment = assessor.assess(input);
     if (i % 6 == 5) show(assessment);  // the first 30 frames look for a reference
   }

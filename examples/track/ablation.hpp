@@ -33,7 +33,7 @@ inline std::vector<Variant> fixed_variants() {
       {"both_scales", "brightness residuals count in c_dir as well", {{refiner("confidence.intensity_share"), "0.5"}}, ""},
       {"no_motion", "nothing is masked", {{"pipeline.motion", "false"}}, ""},
       {"no_change", "S_final = S_total", {{decision("w_base"), "1"}, {decision("a"), "0"}, {decision("w_dyn"), "1"}}, ""},
-      {"no_sharpness", "S_feature from keypoints alone", {{assessor("sharpness.enabled"), "false"}}, ""},
+      {"no_sharpness", "S_feature from keypoints alone", {{assessor("feature.sharpness"), "false"}}, ""},
       {"no_dynamic_ratio", "W_base does not fall with what moves", {{decision("a"), "0"}}, ""},
       {"no_static_boost", "static scenario off", {{decision("boost_static"), "0"}}, ""},
       {"no_dynamic_scenario", "dynamic scenario off", {{decision("th_dynamic"), "1"}}, ""},
@@ -41,16 +41,20 @@ inline std::vector<Variant> fixed_variants() {
       {"no_hand_over", "a reference is not handed on", {{assessor("benchmark.hand_over"), "false"}}, ""},
       {"ratchet", "benchmark update as printed",
        {{assessor("benchmark.hand_over"), "false"}, {assessor("benchmark.half_life"), ".inf"}, {assessor("benchmark.max_age"), ".inf"}}, ""},
+      {"number_only", "a better frame updates the number of the benchmark alone, as printed", {{assessor("benchmark.update"), "number_only"}}, ""},
       {"literal_polarity", "S_change raises S_final, as printed", {{decision("polarity"), "literal"}}, ""},
       {"cumulative_base", "W_base falls from frame to frame, as printed", {{decision("base_weight"), "cumulative"}}, ""},
       {"literal_thresholds", "th_s by the printed recursion", {{assessor("initialisation.quality_threshold"), "literal"}}, ""},
       {"first_passing", "the first frame that passes is the reference", {{assessor("initialisation.initial_frame"), "first_passing"}}, ""},
       {"paper", "all of the printed forms together",
        {{decision("polarity"), "literal"}, {decision("base_weight"), "cumulative"}, {assessor("initialisation.quality_threshold"), "literal"},
-        {assessor("benchmark.hand_over"), "false"}, {assessor("benchmark.half_life"), ".inf"}, {assessor("benchmark.max_age"), ".inf"},
-        {assessor("sharpness.enabled"), "false"}}, ""},
+        {assessor("benchmark.update"), "number_only"}, {assessor("benchmark.hand_over"), "false"}, {assessor("benchmark.half_life"), ".inf"},
+        {assessor("benchmark.max_age"), ".inf"}, {assessor("feature.sharpness"), "false"}, {assessor("dynamic_ratio"), "count"},
+        {assessor("confidence.without_objects"), "zero"}}, ""},
       {"previous_baseline", "change against the frame before", {{assessor("change_baseline"), "previous"}}, ""},
       {"residual_flow", "S_mc without the camera's own motion", {{assessor("motion_change.flow"), "residual"}}, ""},
+      {"homography_flow", "S_mc without what a homography explains", {{assessor("motion_change.flow"), "homography"}}, ""},
+      {"pose_flow", "S_mc without what poses and depth explain", {{assessor("motion_change.flow"), "pose"}}, ""},
       {"gated_feature", "S_feature in the gated form", {{assessor("feature.form"), "gated"}}, ""},
       {"linear_feature", "S_feature in the linear form", {{assessor("feature.form"), "linear"}}, ""},
       {"half_saturation", "responses against a constant", {{assessor("feature.response"), "half_saturation"}}, ""},
@@ -66,12 +70,15 @@ inline std::vector<Variant> fixed_variants() {
 /// All variants: the fixed ones, and one for each score, which takes its weight away.
 inline std::vector<Variant> variants() {
   std::vector<Variant> all = fixed_variants();
+  std::vector<std::string> names;  // in the order of their weights
+  apso::for_each_score(apso::Assessment{}, [&](const char* name, auto&&...) { names.emplace_back(name); });
+  std::size_t next = 0;
   for (const apso::Parameter& p : apso::list_parameters(Config{})) {
     for (const auto& [group, sum] : {std::pair("pipeline.assessor.frame_weights.", "S_total"),
                                      std::pair("pipeline.assessor.change_weights.", "S_change")}) {
       if (p.path.rfind(group, 0) != 0) continue;
-      const std::string score = p.path.substr(std::string(group).size());
-      all.push_back({"no_" + score, std::string(sum) + " without " + score, {}, p.path});
+      const std::string& score = names[next++];
+      all.push_back({"no_" + score.substr(score.rfind("S_", 0) == 0 ? 2 : 0), std::string(sum) + " without " + score, {}, p.path});
     }
   }
   return all;

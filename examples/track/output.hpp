@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -37,12 +38,18 @@ class FrameTable {
  public:
   explicit FrameTable(const std::string& file) : stream_(file) {
     if (!stream_) throw apso::io_error(file + ": cannot write");
-    stream_ << "frame,timestamp,state,label,S_conf,S_spatial,S_feature,S_depth,S_total,S_mc,S_dc,S_dec,S_change,S_step,dynamic_ratio,"
-               "W_base,W_change,S_final,th_differ,th_f,th_s,degraded,benchmark_updated,benchmark_age_s,keypoints_static,"
+    stream_ << "frame,timestamp,state,label,";
+    const auto name_column = [this](const std::string& name, auto&&...) { stream_ << name << ','; };
+    apso::for_each_frame_score(apso::Assessment{}, name_column);
+    stream_ << "S_total,";
+    apso::for_each_change_score(apso::Assessment{}, name_column);
+    stream_ << "S_change,S_step,dynamic_ratio,"
+               "W_base,W_change,S_final,th_differ,th_f,th_s,degraded,benchmark_updated,benchmark_age_s,"
                "objects,feature_ok,feature_matches,feature_inliers,keyframes,landmarks,refined,refine_status,w_diff,w_eff,"
                "c_dir,references,far_reference,gated,valid_share,scale_intensity,scale_depth,degenerate_directions,"
-               "iterations,ms_load,ms_features,ms_observe,ms_assess,ms_refine,ms_map,ms_total,S_cnt,S_resp,S_unif,S_sharp,sharp_x,sharp_y,S_cov,S_cons,S_smo,flow,"
-               "track_overlap,depth_mean,depth_spread,depth_overlap,step_flow,explanation\n";
+               "iterations,ms_load,ms_features,ms_observe,ms_assess,ms_refine,ms_map,ms_total,";
+    apso::for_each_measurement(apso::Assessment{}, name_column);
+    stream_ << "explanation\n";
   }
 
   template <class FeatureResult>
@@ -56,14 +63,12 @@ class FrameTable {
     text(stamp);
     text(to_string(r.state));
     text(label);
-    score(a.S_conf);
-    score(a.S_spatial);
-    score(a.S_feature);
-    score(a.S_depth);
+    const auto put_score = [this](const char*, const std::optional<double>& value, double, apso::Better) {
+      optional(value.has_value(), value.value_or(0.0));
+    };
+    apso::for_each_frame_score(a, put_score);
     put(a.S_total.value());
-    score(a.S_mc);
-    score(a.S_dc);
-    score(a.S_dec);
+    apso::for_each_change_score(a, put_score);
     score(a.S_change);
     score(a.S_step);
     put(a.dynamic_ratio);
@@ -76,7 +81,6 @@ class FrameTable {
     put(a.degraded ? 1 : 0);
     put(a.benchmark_updated ? 1 : 0);
     put(a.benchmark_age);
-    put(a.static_keypoints);
     put(static_cast<double>(seen.objects.size()));
     put(features.ok ? 1 : 0);
     put(features.matches);
@@ -99,21 +103,7 @@ class FrameTable {
     optional(tried, d.alignment.degenerate_count);
     optional(tried, d.alignment.iterations);
     for (double v : {ms.load, ms.features, ms.observe, ms.assess, ms.refine, ms.map, ms.total()}) put(v);
-    put(a.feature_parts.S_cnt);
-    put(a.feature_parts.S_resp);
-    put(a.feature_parts.S_unif);
-    score(a.S_sharp);
-    put(a.sharpness.ratio_x);
-    put(a.sharpness.ratio_y);
-    put(a.depth_parts.S_cov);
-    put(a.depth_parts.S_cons);
-    put(a.depth_parts.S_smo);
-    optional(a.S_mc.has_value(), 0.5 * (a.motion_parts.m_point + a.motion_parts.m_grid));
-    optional(a.S_mc.has_value(), a.motion_parts.overlap);
-    optional(a.S_dc.has_value(), a.depth_change_parts.mean);
-    optional(a.S_dc.has_value(), a.depth_change_parts.spread);
-    optional(a.S_dc.has_value(), a.depth_change_parts.overlap);
-    optional(a.S_step.has_value(), a.step_flow);
+    apso::for_each_measurement(a, [this](const std::string&, double value) { put(value); });
     text("\"" + explain(a) + "\"");
     stream_ << '\n';
     stream_.flush();  // what is computed is kept, whatever happens next

@@ -159,20 +159,26 @@ inline void plot_scores(const std::string& file, const std::vector<apso::FrameRe
   g.data(shade(apso::SceneState::Initialising));
   g.data(column([&](const auto& f) { return of(f.assessment.S_final); }));
   g.data(column([](const auto& f) { return f.assessment.th_differ; }));
-  g("plot '-' using 1:2 with lines lw 2 lc rgb '#000000' title 'S_total', '-' using 1:2 with lines title 'S_conf', '-' using 1:2 with lines title 'S_spatial', "
-    "'-' using 1:2 with lines title 'S_feature', '-' using 1:2 with lines title 'S_depth'");
+  const auto line = [](const std::string& name, const char* style) { return "'-' using 1:2 with lines" + std::string(style) + " title '" + name + "'"; };
+  std::vector<std::string> of_frame, of_change;
+  apso::for_each_frame_score(apso::Assessment{}, [&](const char* name, auto&&...) { of_frame.emplace_back(name); });
+  apso::for_each_change_score(apso::Assessment{}, [&](const char* name, auto&&...) { of_change.emplace_back(name); });
+  const auto score_lines = [&](const std::vector<std::string>& names) {
+    for (const std::string& name : names) {
+      g.data(column([&](const auto& f) { return f.assessment.get(name).value_or(nan); }));
+    }
+  };
+  std::string plot = "plot " + line("S_total", " lw 2 lc rgb '#000000'");
+  for (const std::string& name : of_frame) plot += ", " + line(name, "");
+  g(plot);
   g.data(column([](const auto& f) { return f.assessment.S_total.value(); }));
-  g.data(column([&](const auto& f) { return of(f.assessment.S_conf); }));
-  g.data(column([&](const auto& f) { return of(f.assessment.S_spatial); }));
-  g.data(column([&](const auto& f) { return of(f.assessment.S_feature); }));
-  g.data(column([&](const auto& f) { return of(f.assessment.S_depth); }));
+  score_lines(of_frame);
   g("set xlabel 'time [s]'; set ylabel 'deviation'");
-  g("plot '-' using 1:2 with lines lw 2 lc rgb '#000000' title 'S_change', '-' using 1:2 with lines title 'S_mc', '-' using 1:2 with lines title 'S_dc', "
-    "'-' using 1:2 with lines title 'S_dec', '-' using 1:2 with lines lw 2 lc rgb '#e41a1c' title 'dynamic ratio'");
+  plot = "plot " + line("S_change", " lw 2 lc rgb '#000000'");
+  for (const std::string& name : of_change) plot += ", " + line(name, "");
+  g(plot + ", " + line("dynamic ratio", " lw 2 lc rgb '#e41a1c'"));
   g.data(column([&](const auto& f) { return of(f.assessment.S_change); }));
-  g.data(column([&](const auto& f) { return of(f.assessment.S_mc); }));
-  g.data(column([&](const auto& f) { return of(f.assessment.S_dc); }));
-  g.data(column([&](const auto& f) { return of(f.assessment.S_dec); }));
+  score_lines(of_change);
   g.data(column([](const auto& f) { return f.assessment.dynamic_ratio; }));
   g("unset multiplot");
 }

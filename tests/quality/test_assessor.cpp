@@ -48,6 +48,13 @@ struct Scene {
     for (auto& k : tracks) k.id += 1000;
   }
 };
+double measurement(const Assessment& a, const std::string& wanted) {
+  double found = std::numeric_limits<double>::quiet_NaN();
+  for_each_measurement(a, [&](const std::string& name, double v) {
+    if (name == wanted) found = v;
+  });
+  return found;
+}
 }  // namespace
 
 TEST_CASE("a good start commits at the thirtieth frame and is GOOD from then on") {
@@ -64,7 +71,7 @@ TEST_CASE("a good start commits at the thirtieth frame and is GOOD from then on"
   CHECK_FALSE(a.degraded);
   CHECK(a.S_change->value() == Approx(0));
   CHECK(a.S_final->value() > .9);
-  CHECK(a.tracks_from_reference == 960);
+  CHECK(a.result<MotionChange>().measured.tracks == 960);
   CHECK(a.W_base + a.W_change == Approx(1));
   CHECK(a.scenario_static);
   CHECK(std::string(to_string(a.state)) == "GOOD");
@@ -105,7 +112,7 @@ TEST_CASE("blank images are BAD, also with perfect depth and tracks") {
   blank.keypoints.clear();
   blank.tracks.clear();
   const Assessment& a = assessor.assess(blank.input());
-  CHECK(a.S_feature->value() == 0);
+  CHECK(a.get<Feature>()->value() == 0);
   CHECK(a.state == SceneState::Bad);
   CHECK_FALSE(a.benchmark_updated);
   CHECK(explain(a).find("0 static keypoints") != std::string::npos);
@@ -129,15 +136,33 @@ TEST_CASE("the score to beat decays, so an equal frame replaces the reference on
   CHECK(ratchet.assessment().benchmark_age == Approx(599. / 30));
 }
 
+TEST_CASE("Benchmark: the number alone, as printed") {
+  BenchmarkOptions o;
+  o.update = BenchmarkUpdate::NumberOnly;
+  o.half_life = std::numeric_limits<double>::infinity();
+  Benchmark<> b(o);
+  b.set({0, Quality(.6)});
+  CHECK_FALSE(b.update({1, Quality(.5)}, true, {}, 1, 0));
+  CHECK_FALSE(b.update({2, Quality(.8)}, false, {}, 1, 0));  // beats it, but is BAD
+  CHECK(b.update({3, Quality(.7)}, true, {}, 1, 0));
+  CHECK(b.S_reference().value() == .7);
+  CHECK(b.score_to_beat(99) == .7);
+  CHECK(b.reference().timestamp == 0);
+  CHECK(b.reference().S_total.value() == .6);
+  // neither age nor lost sight nor a steady camera replaces the frame
+  for (int i = 4; i < 40; ++i) CHECK_FALSE(b.update({static_cast<double>(i), Quality(.65)}, true, Deviation(.9), 0, 99));
+  CHECK(b.reference().timestamp == 0);
+}
+
 TEST_CASE("Benchmark: decay, age, overlap, hand-over") {
   BenchmarkOptions o;
   o.half_life = 1e9;
-  FrameSnapshot f;
+  ScoredFrame f;
   f.S_total = Quality(.9);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const MaybeDeviation near(Deviation(.1));
   const MaybeDeviation far(Deviation(.9));
-  Benchmark b(o);
+  Benchmark<> b(o);
   b.set(f);
   f.S_total = Quality(.7);
   f.timestamp = 9;
@@ -153,7 +178,7 @@ TEST_CASE("Benchmark: decay, age, overlap, hand-over") {
 
   for (int i = 1; i <= 8; ++i) {  // out of sight, but no GOOD frame is left and the scene is not steady
     f.timestamp = 10.1 + i;
-    CHECK_FALSE(b.update(f, false, far, .1, o.steady_frames - 1));
+    CHECK_FALSE(b.update(f, false, far, .1, kSteadyFrames - 1));
   }
   b.reset();
   f.timestamp = 0;
@@ -165,12 +190,12 @@ TEST_CASE("Benchmark: decay, age, overlap, hand-over") {
     CHECK(b.update(f, false, near, .1, 9) == (i == 5));  // BAD for another reason, and out of sight
   }
   b.set(f);
-  CHECK(b.update(f, false, far, 1, o.steady_frames));  // turned away smoothly
+  CHECK(b.update(f, false, far, 1, kSteadyFrames));  // turned away smoothly
   b.reset();
   CHECK_FALSE(b.present());
   o.half_life = 1;
   o.hand_over = false;
-  Benchmark d(o);
+  Benchmark<> d(o);
   f.timestamp = 0;
   f.S_total = Quality(.8);
   d.set(f);
@@ -333,7 +358,7 @@ TEST_CASE("without a pose of the tracker the frame is BAD and no reference") {
   CHECK_FALSE(a.benchmark_updated);
 }
 
-TEST_CASE("whatever comes in, every score stays in range and no NaN gets out") {
+TEST_CASE("whatever comes in, no NaN gets out, and the assessor recovers") {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float inf = std::numeric_limits<float>::infinity();
   for (const ChangeBaseline baseline : {ChangeBaseline::Reference, ChangeBaseline::Previous}) {
@@ -365,17 +390,20 @@ TEST_CASE("whatever comes in, every score stays in range and no NaN gets out") {
       if (n % 19 == 18) in.objects = nullptr;
       s.t = x.t;
       const Assessment& a = assessor.assess(in);
-      for (const auto& q : {a.S_conf, a.S_spatial, a.S_feature, a.S_depth, a.S_final}) {
-        if (q) CHECK((q->value() >= 0 && q->value() <= 1));
-      }
-      for (const auto& q : {a.S_mc, a.S_dc, a.S_dec, a.S_change}) {
-        if (q) CHECK((q->value() >= 0 && q->value() <= 1));
-      }
-      for (const double v : {a.S_total.value(), a.W_base, a.W_change, a.dynamic_ratio, a.th_s, a.th_differ}) {
-        CHECK((v >= 0 && v <= 1));
-      }
+      CHECK(a.W_base + a.W_change == Approx(1));
+      for (const double v : {a.W_base, a.W_change, a.dynamic_ratio, a.th_s, a.th_differ}) CHECK((v >= 0 && v <= 1));
+      // what the scores measured is not limited by a type
+      CHECK(a.get<DepthChange>().has_value() == std::isfinite(measurement(a, "depth_mean")));
+      CHECK(a.get<MotionChange>().has_value() == std::isfinite(measurement(a, "flow")));
+      if (a.get<DepthChange>()) CHECK((measurement(a, "depth_mean") >= 0 && measurement(a, "depth_mean") <= 1));
       CHECK(explain(a).find("nan") == std::string::npos);
     }
+    Scene fresh;
+    SceneAssessor other(fresh.camera, o);
+    const double expected = other.assess(fresh.input()).S_total.value();
+    for (int n = 0; n < 60; ++n) assessor.assess(s.input());
+    CHECK(assessor.assessment().state == SceneState::Good);
+    CHECK(assessor.assessment().S_total.value() == expected);
   }
 }
 
@@ -424,7 +452,7 @@ TEST_CASE("wrong calls and options are refused by name") {
   o.decision.th_differ = 1.5;
   CHECK_THROWS_WITH_AS(SceneAssessor(s.camera, o), doctest::Contains("assessor.decision.th_differ"), contract_error);
   o = {};
-  o.frame_weights.conf = .5;
+  o.frame_weights.get<Confidence>() = .5;
   CHECK_THROWS_WITH_AS(SceneAssessor(s.camera, o), doctest::Contains("frame_weights"), contract_error);
   o = {};
   o.initialisation.quality_min = .9;

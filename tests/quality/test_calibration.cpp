@@ -57,23 +57,23 @@ Image<float> blurred(const Image<float>& im, int n, int dx, int dy) {
   }
   return out;
 }
-double sharpness(const Image<float>& im, const SharpnessMeasure& usual) {
+double sharpness(const Image<float>& im, const SharpnessMeasure& typical) {
   const SharpnessMeasure m = measure_sharpness(im);
-  return m.valid ? sharpness_score(m, usual.ratio_x, usual.ratio_y).value() : -1;
+  return m.valid ? sharpness_score(m, typical.ratio_x, typical.ratio_y).value() : -1;
 }
 }  // namespace
 
 TEST_CASE("S_sharp falls with blur in any direction, and not with contrast or brightness") {
   const Image<float> im = rectangles();
-  const SharpnessMeasure usual = measure_sharpness(im);
-  REQUIRE(usual.valid);
-  CHECK(sharpness(im, usual) == 1);
+  const SharpnessMeasure typical = measure_sharpness(im);
+  REQUIRE(typical.valid);
+  CHECK(sharpness(im, typical) == 1);
   for (const auto& way : {std::pair{1, 0}, std::pair{0, 1}, std::pair{1, 1}, std::pair{1, -1}}) {
     CAPTURE(way.first);
     CAPTURE(way.second);
     double last = 1.0001;
     for (const int n : {3, 9, 15, 25, 41}) {
-      const double s = sharpness(blurred(im, n, way.first, way.second), usual);
+      const double s = sharpness(blurred(im, n, way.first, way.second), typical);
       CHECK(s <= last);
       last = s;
       if (n == 3) CHECK(s == 1);
@@ -87,31 +87,31 @@ TEST_CASE("S_sharp falls with blur in any direction, and not with contrast or br
     for (std::size_t i = 0; i < pale.size(); ++i) {
       pale_and_blurred.data()[i] = 0.3F + contrast * (pale_and_blurred.data()[i] - 0.5F);
     }
-    CHECK(sharpness(pale, usual) > 0.95);
-    CHECK(sharpness(pale_and_blurred, usual) < 0.4);
+    CHECK(sharpness(pale, typical) > 0.95);
+    CHECK(sharpness(pale_and_blurred, typical) < 0.4);
   }
 }
 
 TEST_CASE("noise is not taken for sharpness, and what cannot be measured is not valid") {
   const Image<float> im = rectangles();
-  const SharpnessMeasure usual = measure_sharpness(im);
+  const SharpnessMeasure typical = measure_sharpness(im);
   Image<float> noisy = blurred(im, 41, 1, 0);
   Lcg random;
   for (std::size_t i = 0; i < noisy.size(); ++i) noisy.data()[i] += 0.008F * 3.46F * (random() - 0.5F);
-  CHECK(sharpness(noisy, usual) < 0.45);
+  CHECK(sharpness(noisy, typical) < 0.45);
   CHECK_FALSE(measure_sharpness(Image<float>(640, 480, 0.3F)).valid);
   CHECK_FALSE(measure_sharpness(Image<float>(1, 1, 0.3F)).valid);
-  CHECK_FALSE(measure_sharpness({}).valid);
+  CHECK_FALSE(measure_sharpness(none).valid);
   for (const float v : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), 1e30F}) {
     Image<float> bad = im;
     bad(100, 100) = v;
     const SharpnessMeasure m = measure_sharpness(bad);
-    const double s = sharpness_score(m, usual.ratio_x, usual.ratio_y).value();
-    CHECK((s >= 0 && s <= 1));
-    CHECK(std::isfinite(m.ratio_x));
+    CHECK_FALSE(m.valid);
+    CHECK(m.ratio_x == 0);
+    CHECK(m.ratio_y == 0);
   }
-  // a usual value of nothing at all is replaced by the floor
-  CHECK(sharpness_score(usual, 0, 0).value() == 1);
+  // a typical value of nothing at all is replaced by the floor
+  CHECK(sharpness_score(typical, 0, 0).value() == 1);
 }
 
 TEST_CASE("the assessor finds heavy blur BAD although keypoints and tracks look fine, and says why") {
@@ -128,7 +128,7 @@ TEST_CASE("the assessor finds heavy blur BAD although keypoints and tracks look 
   }
   const auto states = [&](bool enabled) {
     AssessorOptions o;
-    o.sharpness.enabled = enabled;
+    o.get<Feature>().sharpness = enabled;
     SceneAssessor assessor({525, 525, 319.5, 239.5, 640, 480}, o);
     double t = 0;
     AssessmentInput in;
@@ -182,10 +182,10 @@ TEST_CASE("measures of spread: range, order, resolution") {
     FeatureOptions o;
     o.uniformity = u;
     const auto unif = [&](const std::vector<Keypoint>& p) {
-      return feature_score(measure_features(p, {}, 640, 480, o, scratch), 1, o).S_unif;
+      return feature_score(measure_features(p, none, 640, 480, o, scratch), 1, o).S_unif;
     };
     CHECK(unif(even) > unif(clustered));
-    CHECK((unif(even) <= 1 && unif(clustered) >= 0));
+    CHECK(unif(even) > 0.5);
     CHECK(unif({}) == 0);
   }
 }
@@ -204,17 +204,19 @@ TEST_CASE("the residual flow leaves out the motion of the camera but not what mo
   CHECK(motion_change(turn, 400, 640, 480, {}, 0.1, scratch).score.value() > 0.2);
   std::vector<Correspondence> mixed = turn;
   for (std::size_t i = 0; i < 120; ++i) mixed[i].x += 60;  // 30 % move otherwise
-  CHECK(motion_change(mixed, 400, 640, 480, o, 0.1, scratch).score.value() > 0.1);
+  const MotionMeasure clean = motion_change(mixed, 400, 640, 480, o, 0.1, scratch);
+  CHECK(clean.score.value() > 0.1);
   for (const int n : {0, 1, 5}) {
     const std::vector<Correspondence> few(turn.begin(), turn.begin() + n);
-    const double s = motion_change(few, 400, 640, 480, o, 0.1, scratch).score.value();
-    CHECK((s >= 0 && s <= 1));
+    // too few to find the camera's motion: all of the flow counts
+    const double raw = motion_change(few, 400, 640, 480, {}, 0.1, scratch).m_point;
+    CHECK(motion_change(few, 400, 640, 480, o, 0.1, scratch).m_point == raw);
   }
   const float nan = std::numeric_limits<float>::quiet_NaN();
   mixed[7] = {nan, 1, 2, 3};
   mixed[8] = {1e30F, 1, -1e30F, 3};
-  const double s = motion_change(mixed, 400, 640, 480, o, 0.1, scratch).score.value();
-  CHECK((s >= 0 && s <= 1));
+  const MotionMeasure spoilt = motion_change(mixed, 400, 640, 480, o, 0.1, scratch);
+  CHECK(spoilt.m_point == Approx(clean.m_point).epsilon(0.05));
 }
 
 TEST_CASE("scales: 95 % of the calm frames get at most 0.3") {
@@ -222,23 +224,53 @@ TEST_CASE("scales: 95 % of the calm frames get at most 0.3") {
   Lcg random;
   for (int i = 0; i < 1000; ++i) {
     CalibrationSample s;
-    s.flow = 0.05 * static_cast<double>(random());
-    s.step_flow = 0.1 * s.flow;
-    s.depth_mean = 0.2 * static_cast<double>(random());
-    if (i % 10 == 0) s.depth_mean = std::nan("");
+    const double flow = 0.05 * static_cast<double>(random());
+    ScoreResult<MotionChange>& motion = s.assessment.result<MotionChange>();
+    motion.value = Deviation(0.1);
+    motion.measured.flow = flow;
+    motion.measured.overlap = 1;
+    ScoreResult<MotionChange>& step = s.assessment.step_scores.get<MotionChange>();
+    step.value = Deviation(0.1);
+    step.measured.flow = 0.1 * flow;
+    if (i % 10 != 0) {  // else without depth
+      s.assessment.result<DepthChange>().value = Deviation(0.1);
+      s.assessment.result<DepthChange>().measured.mean = 0.2 * static_cast<double>(random());
+      s.assessment.result<DepthChange>().measured.spread = std::nan("");  // never measured
+    }
     calm.push_back(s);
   }
-  CalibrationSample hard;
-  hard.flow = 99;
+  CalibrationSample hard = calm.front();
+  hard.assessment.result<MotionChange>().measured.flow = 99;
   hard.hard = true;
   calm.push_back(hard);
-  const CalibratedScales c = calibrate_scales(calm);
+  AssessorOptions o;
+  calibrate_scales(calm, o);
   int above = 0;
-  for (const auto& s : calm) above += !s.hard && motion_deviation(s.flow, s.flow, 1, c.motion).value() > 0.3 + 1e-9;
-  CHECK(above == 50);
-  CHECK(c.motion_previous == Approx(0.1 * c.motion));
-  CHECK(c.depth_mean == Approx(0.19 / 0.3567).epsilon(0.02));
-  CHECK(c.depth_spread == 0);  // never measured
+  for (CalibrationSample& s : calm) {
+    revalue(s, o);
+    above += !s.hard && s.assessment.get<MotionChange>()->value() > 0.3 + 1e-3;
+  }
+  CHECK(above == Approx(50).epsilon(0.1));  // the scale is rounded to four places
+  CHECK(o.get<MotionChange>().scale_previous == Approx(0.1 * o.get<MotionChange>().scale).epsilon(0.01));
+  CHECK(o.get<DepthChange>().scale_mean == Approx(0.19 / 0.3567).epsilon(0.02));
+  CHECK(o.get<DepthChange>().scale_spread == DepthChangeOptions{}.scale_spread);
+}
+
+TEST_CASE("the threshold found by calibration is the one that the decision finds by itself") {
+  DecisionOptions o;
+  o.auto_calibrate = true;
+  o.th_static = 0;
+  o.boost_object = 0;
+  DecisionThreshold rule(o);
+  std::vector<double> S_final;
+  Lcg random;
+  for (int i = 0; i < 300; ++i) {
+    S_final.push_back(0.75 + 0.1 * static_cast<double>(random()));
+    rule.remember(Quality(S_final.back()), true);
+  }
+  CHECK(rule.value() < 0.70);
+  CHECK(rule.value() > 0.45);
+  CHECK(rule.value() == calibrate_threshold(S_final));
 }
 
 TEST_CASE("th_differ by rule") {
@@ -252,34 +284,40 @@ TEST_CASE("th_differ by rule") {
   CHECK(calibrate_threshold({}) == 0.70);
 }
 
-TEST_CASE("fitted weights lean on the component that tells hard frames apart, and stay weights") {
+TEST_CASE("fitted weights lean on the score that tells hard frames apart, and stay weights") {
   std::vector<CalibrationSample> samples;
   Lcg random;
   for (int i = 0; i < 400; ++i) {
     CalibrationSample s;
     s.hard = i % 4 == 0;
-    s.S_spatial = Quality(static_cast<double>(random()));
-    s.S_feature = Quality(static_cast<double>(random()));
-    s.S_depth = Quality(s.hard ? 0.1 : 0.95);  // the only one that knows
-    s.S_mc = Deviation(static_cast<double>(random()));
-    s.S_dc = Deviation(s.hard ? 0.9 : 0.1);
-    s.S_dec = Deviation(static_cast<double>(random()));
-    s.dynamic_ratio = 0.2;
+    s.assessment.result<Spatial>().value = Quality(static_cast<double>(random()));
+    s.assessment.result<Feature>().value = Quality(static_cast<double>(random()));
+    s.assessment.result<Depth>().value = Quality(s.hard ? 0.1 : 0.95);  // the only one that knows
+    s.assessment.result<MotionChange>().value = Deviation(static_cast<double>(random()));
+    s.assessment.result<DepthChange>().value = Deviation(s.hard ? 0.9 : 0.1);
+    s.assessment.result<DetectionChange>().value = Deviation(static_cast<double>(random()));
+    s.assessment.dynamic_ratio = 0.2;
     samples.push_back(s);
   }
-  const DecisionOptions o;
-  const FittedWeights w = fit_weights(samples, {}, {}, o);
+  const AssessorOptions o;
+  const auto w = fit_weights(samples, o.frame_weights, o.change_weights, o.decision);
   CHECK(w.loss < 0.7 * w.loss_before);
-  CHECK(w.frame.depth > FrameWeights{}.depth);
-  CHECK(w.change.depth > ChangeWeights{}.depth);
-  CHECK(w.frame.conf + w.frame.spatial + w.frame.feature + w.frame.depth == Approx(1).epsilon(1e-9));
-  CHECK(w.change.motion + w.change.depth + w.change.detection == Approx(1).epsilon(1e-9));
-  for (const double v : {w.frame.conf, w.frame.spatial, w.frame.feature, w.frame.depth, w.change.motion, w.change.depth,
-                         w.change.detection}) {
+  CHECK(w.frame.get<Depth>() > o.frame_weights.get<Depth>());
+  CHECK(w.change.get<DepthChange>() > o.change_weights.get<DepthChange>());
+  double sum = 0;
+  for (const double v : w.frame.values()) {
     CHECK(v >= 0.1 - 1e-9);
+    sum += v;
   }
+  CHECK(sum == Approx(1).epsilon(1e-9));
+  sum = 0;
+  for (const double v : w.change.values()) {
+    CHECK(v >= 0.1 - 1e-9);
+    sum += v;
+  }
+  CHECK(sum == Approx(1).epsilon(1e-9));
   for (CalibrationSample& s : samples) s.hard = false;
-  const FittedWeights same = fit_weights(samples, {}, {}, o);  // nothing to learn from
-  CHECK(same.frame.depth == FrameWeights{}.depth);
+  const auto same = fit_weights(samples, o.frame_weights, o.change_weights, o.decision);  // nothing to learn from
+  CHECK(same.frame.get<Depth>() == o.frame_weights.get<Depth>());
   CHECK(same.steps == 0);
 }

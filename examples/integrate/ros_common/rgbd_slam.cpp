@@ -54,9 +54,9 @@ SlamFrame RgbdSlam::process(double timestamp, const apso::Image<std::uint8_t>& g
     if (q) out.values.emplace_back(name, q->value());
   };
   out.values.emplace_back("S_total", a.S_total.value());
-  score("S_spatial", a.S_spatial);
-  score("S_feature", a.S_feature);
-  score("S_depth", a.S_depth);
+  apso::for_each_score(a, [&out](const char* name, const auto& value, double, apso::Better) {
+    if (value) out.values.emplace_back(name, *value);
+  });
   score("S_change", a.S_change);
   out.values.emplace_back("dynamic_ratio", a.dynamic_ratio);
   out.values.emplace_back("refined", report.refined ? 1.0 : 0.0);

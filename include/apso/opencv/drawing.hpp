@@ -109,8 +109,16 @@ inline void mask_to_8bit(const DynamicMask& mask, cv::Mat& out) {
   char ratio[48];
   std::snprintf(ratio, sizeof ratio, "dynamic %.0f %%", 100.0 * observation.dynamic_ratio);
   line(text("S_final", a.S_final) + text("S_total", MaybeQuality(a.S_total)) + text("S_change", a.S_change) + ratio, 190, 18);
-  line(text("conf", a.S_conf) + text("spatial", a.S_spatial) + text("feature", a.S_feature) + text("depth", a.S_depth), 16, 36);
-  line(text("S_mc", a.S_mc) + text("S_dc", a.S_dc) + text("S_dec", a.S_dec), 16, 53);
+  const auto named = [](std::string& to) {
+    return [&to](const char* name, const std::optional<double>& value, double, Better) {
+      to += name + (value ? ' ' + two_digits(*value) : std::string(" -")) + "  ";
+    };
+  };
+  std::string of_frame, of_change;
+  for_each_frame_score(a, named(of_frame));
+  for_each_change_score(a, named(of_change));
+  line(of_frame, 16, 36);
+  line(of_change, 16, 53);
   cv::vconcat(out, banner, out);
   return out;
 }

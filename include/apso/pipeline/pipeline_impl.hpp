@@ -11,12 +11,12 @@ APSO_NAMESPACE_BEGIN
 template <class P, class M, class A, class R>
 template <class FrameT>
 void BasicPipeline<P, M, A, R>::check_frame_size(const FrameT& frame) const {
-  using Intensity = image_traits<std::decay_t<decltype(intensity_of(frame))>>;
-  using Depth = image_traits<std::decay_t<decltype(depth_of(frame))>>;
+  using IntensityTraits = image_traits<std::decay_t<decltype(intensity_of(frame))>>;
+  using DepthTraits = image_traits<std::decay_t<decltype(depth_of(frame))>>;
   const auto fits = [this](int w, int h) { return w == camera_.width && h == camera_.height; };
-  expects(fits(Intensity::width(intensity_of(frame)), Intensity::height(intensity_of(frame))),
+  expects(fits(IntensityTraits::width(intensity_of(frame)), IntensityTraits::height(intensity_of(frame))),
           "Pipeline::observe: the intensity image has another size than the camera");
-  expects(fits(Depth::width(depth_of(frame)), Depth::height(depth_of(frame))),
+  expects(fits(DepthTraits::width(depth_of(frame)), DepthTraits::height(depth_of(frame))),
           "Pipeline::observe: the depth image has another size than the camera");
   expects(std::isfinite(frame.timestamp), "Pipeline::observe: the timestamp is not finite");
   if constexpr (!std::is_same_v<FrameT, RgbdFrame>) {
@@ -102,6 +102,7 @@ auto BasicPipeline<P, M, A, R>::assess(const Keypoints& keypoints, const Tracks&
   input.objects = &observation_.objects;
   input.dynamic_ratio = observation_.dynamic_ratio;
   input.feature_tracking_ok = feature_ok_;
+  input.T_world_camera = feature_ok_ ? &T_world_feature_ : nullptr;
   report_ = Report{};
   report_.timestamp = work_.frame().timestamp;
   report_.T_world_feature = is_finite(T_world_feature_) ? pose.T_world_feature : pose.T_world_predicted;
@@ -131,7 +132,7 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     input.T_world_previous = has_previous_ ? T_world_previous_ : T_world_predicted_;
     const MaybeDeviation& change = report_.assessment.S_change;
     input.S_change = change ? change->value() : 1.0;
-    const MaybeQuality& feature = report_.assessment.S_feature;
+    const MaybeQuality feature = report_.assessment.of(ScoreRole::FeatureQuality);
     input.S_feature = feature ? feature->value() : 1.0;
     const MaybeQuality& final_score = report_.assessment.S_final;
     if (final_score) input.below_threshold = report_.assessment.th_differ - final_score->value();

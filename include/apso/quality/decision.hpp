@@ -1,6 +1,6 @@
 /// \file
-/// S_final and the decision GOOD or BAD (eq. Final Score, eq. W_base, eq. W_change, the three scenarios,
-/// eq. Final Decision).
+/// S_final by equation (6) with the weights (8) and (9), the three scenarios, and the decision GOOD or BAD by
+/// equation (11).
 #pragma once
 
 #include <algorithm>
@@ -27,18 +27,16 @@ enum class BaseWeight {
 constexpr std::array<const char*, 2> enum_names(BaseWeight) { return {"per_frame", "cumulative"}; }
 
 struct DecisionOptions {
-  double w_base = 0.7;         ///< nominal W_base, [0,1]
-  double a = 1.0;              ///< how much the dynamic ratio lowers it, >= 0
-  double th_static = 0.05;     ///< dynamic ratio up to which the scene is static
-  double th_dynamic = 0.35;    ///< dynamic ratio from which it is dynamic
-  double w_dyn = 0.2;          ///< W_base is at most this in a dynamic scene
-  double s_static = 0.7;       ///< S_feature a static scene needs for its boost
-  double th_obj = 0.8;         ///< S_conf from which the objects boost
-  double boost_static = 0.15;  ///< [0,1]
-  double boost_object = 0.05;  ///< [0,1]
-  double th_differ = 0.70;     ///< GOOD from here on
-  double hysteresis = 0;       ///< once BAD, th_differ is this much higher
-  bool auto_calibrate = false; ///< th_differ from the last GOOD frames: median - 4 sigma, limited to [0.45, 0.70]
+  double w_base = 0.7;          ///< nominal W_base, [0,1]
+  double a = 1.0;               ///< how much the dynamic ratio lowers it, >= 0
+  double th_static = 0.05;      ///< dynamic ratio up to which the scene is static, [0,1]
+  double th_dynamic = 0.35;     ///< dynamic ratio from which it is dynamic, [0,1]
+  double w_dyn = 0.2;           ///< W_base is at most this in a dynamic scene, [0,1]
+  double boost_static = 0.15;   ///< of a static scene with good features, [0,1]
+  double boost_object = 0.05;   ///< of a scene with confident detections, [0,1]
+  double th_differ = 0.70;      ///< GOOD from here on, [0,1]; found by apso_calibrate (docs/quality.md)
+  double hysteresis = 0;        ///< once BAD, th_differ is this much higher, [0,1]
+  bool auto_calibrate = false;  ///< th_differ from the last GOOD frames, see calibrated_threshold()
   ChangePolarity polarity = ChangePolarity::Complement;
   BaseWeight base_weight = BaseWeight::PerFrame;
   template <class Self, class V>
@@ -48,8 +46,6 @@ struct DecisionOptions {
     v("th_static", s.th_static, 0.0, 1.0);
     v("th_dynamic", s.th_dynamic, 0.0, 1.0);
     v("w_dyn", s.w_dyn, 0.0, 1.0);
-    v("s_static", s.s_static, 0.0, 1.0);
-    v("th_obj", s.th_obj, 0.0, 1.0);
     v("boost_static", s.boost_static, 0.0, 1.0);
     v("boost_object", s.boost_object, 0.0, 1.0);
     v("th_differ", s.th_differ, 0.0, 1.0);
@@ -60,15 +56,20 @@ struct DecisionOptions {
   }
 };
 
+/// S_static: S_feature that a static scene needs for its boost.
+inline constexpr double kFeatureQualityOfStatic = 0.7;
+/// th_obj: S_conf from which the objects boost.
+inline constexpr double kConfidenceOfObjects = 0.8;
+
 /// Raises a score by the share b of what is missing to 1: S + b (1 - S).
 [[nodiscard]] constexpr Quality boost(Quality s, double b) { return Quality(s.value() + clamp01(b) * (1.0 - s.value())); }
 
-/// W_base = max(0, W - a DR), before the scenarios.
+/// Equation (8): W_base = max(0, W - a Dynamic_ratio), before the scenarios.
 [[nodiscard]] inline double base_weight(double from, double dynamic_ratio, double a) {
   return std::max(0.0, from - a * dynamic_ratio);
 }
 
-/// S_final without the boosts; a missing change leaves S_total.
+/// Equation (6): S_final without the boosts; a missing change leaves S_total.
 [[nodiscard]] inline Quality combine_final(Quality S_total, MaybeDeviation S_change, double W_base,
                                            ChangePolarity polarity = ChangePolarity::Complement) {
   if (!S_change) return S_total;
@@ -88,21 +89,64 @@ struct Decision {
   bool good = false;
 };
 
-/// Decides frame after frame. It has a memory only for hysteresis, the cumulative weight and the calibration.
-class SceneDecision {
+/// Lowest and highest th_differ that a calibration gives: below, blank images are GOOD; above, ordinary ones BAD.
+inline constexpr double kLowestThreshold = 0.45;
+inline constexpr double kHighestThreshold = 0.70;
+
+/// th_differ of frames whose S_final has this median and this median absolute deviation: median - 4 sigma with
+/// sigma = 1.4826 mad, limited to [lowest, highest].
+[[nodiscard]] inline double calibrated_threshold(double median, double mad, double lowest = kLowestThreshold,
+                                                 double highest = kHighestThreshold) {
+  return std::clamp(median - 4 * 1.4826 * mad, lowest, highest);
+}
+
+/// th_differ from frame to frame: fixed, with hysteresis, or calibrated on the last GOOD frames, as the options choose. A
+/// rule of your own has the same members.
+class DecisionThreshold {
  public:
-  explicit SceneDecision(const DecisionOptions& options = {}) : o_(options), good_scores_(300) {
+  explicit DecisionThreshold(const DecisionOptions& options = {}) : o_(options) {}
+  void reset() {
+    was_bad_ = false;
+    good_scores_.clear();
+  }
+  /// For the next frame, [0,1].
+  [[nodiscard]] double value() {
+    double th = o_.th_differ;
+    if (o_.auto_calibrate && good_scores_.full()) {  // a short quiet start is not enough to calibrate on
+      th = calibrated_threshold(good_scores_.median(), good_scores_.mad());
+    }
+    return was_bad_ ? std::min(1.0, th + o_.hysteresis) : th;
+  }
+  /// What became of the frame.
+  void remember(Quality S_final, bool good) {
+    was_bad_ = !good;
+    if (good) good_scores_.add(S_final.value());
+  }
+
+ private:
+  DecisionOptions o_;
+  bool was_bad_ = false;
+  RunningMedian good_scores_{300};  // 10 s of a 30 Hz camera
+};
+
+/// Decides frame after frame. It has a memory only for the cumulative weight and the threshold.
+/// \tparam Threshold the rule for th_differ; see DecisionThreshold
+template <class Threshold = DecisionThreshold>
+class BasicSceneDecision {
+ public:
+  explicit BasicSceneDecision(const DecisionOptions& options = {}) : o_(options), threshold_(options) {
     expects(o_.th_static < o_.th_dynamic, "decision: th_static must be < th_dynamic");
     reset();
   }
   void reset() {
     w_ = o_.w_base;
-    was_bad_ = false;
-    good_scores_.clear();
+    threshold_.reset();
   }
   /// Weights, S_final and the verdict.
-  /// \param dynamic_ratio [0,1]
-  Decision decide(Quality S_total, MaybeQuality S_feature, MaybeQuality S_conf, MaybeDeviation S_change,
+  /// \param feature_quality   S_feature, for the static scenario
+  /// \param object_confidence S_conf, for the scenario of confident detections
+  /// \param dynamic_ratio     [0,1]
+  Decision decide(Quality S_total, MaybeQuality feature_quality, MaybeQuality object_confidence, MaybeDeviation S_change,
                   double dynamic_ratio) {
     Decision d;
     const double ratio = Deviation(dynamic_ratio).value();  // NaN counts as all dynamic
@@ -112,32 +156,22 @@ class SceneDecision {
     if (d.scenario_dynamic) d.W_base = std::min(d.W_base, o_.w_dyn);
     d.W_change = 1.0 - d.W_base;
     d.S_final = combine_final(S_total, S_change, d.W_base, o_.polarity);
-    d.scenario_static = ratio <= o_.th_static && S_feature && S_feature->value() >= o_.s_static;
+    d.scenario_static = ratio <= o_.th_static && feature_quality && feature_quality->value() >= kFeatureQualityOfStatic;
     if (d.scenario_static) d.S_final = boost(d.S_final, o_.boost_static);
-    d.scenario_objects = S_conf && S_conf->value() >= o_.th_obj;
+    d.scenario_objects = object_confidence && object_confidence->value() >= kConfidenceOfObjects;
     if (d.scenario_objects) d.S_final = boost(d.S_final, o_.boost_object);
-    d.th_differ = threshold();
+    d.th_differ = threshold_.value();
     d.good = d.S_final.value() >= d.th_differ;
     return d;
   }
   /// Reports what became of the frame: its state may differ from decide() when tracking failed.
-  void remember(const Decision& d, bool good) {
-    was_bad_ = !good;
-    if (good) good_scores_.add(d.S_final.value());
-  }
+  void remember(const Decision& d, bool good) { threshold_.remember(d.S_final, good); }
 
  private:
-  [[nodiscard]] double threshold() {
-    double th = o_.th_differ;
-    if (o_.auto_calibrate && good_scores_.full()) {  // a short quiet start is not enough to calibrate on
-      th = std::clamp(good_scores_.median() - 4 * 1.4826 * good_scores_.mad(), 0.45, 0.70);
-    }
-    return was_bad_ ? std::min(1.0, th + o_.hysteresis) : th;
-  }
   DecisionOptions o_;
+  Threshold threshold_;
   double w_ = 0;
-  bool was_bad_ = false;
-  RunningMedian good_scores_;
 };
+using SceneDecision = BasicSceneDecision<>;
 
 APSO_NAMESPACE_END

@@ -7,18 +7,32 @@
 #include <string>
 
 #include <apso/config.hpp>
-#include <apso/quality/assessor.hpp>
+#include <apso/quality/assessment.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-/// One readable sentence, e.g. "BAD: S_final 0.41 < 0.70; S_feature 0.12: 41 static keypoints in 9 of 48 cells;
-/// S_change 0.71: 18 % of the reference's 500 points tracked; 40 % of the image is dynamic". Parts that speak
-/// against the frame come with their reason; the others are only named by their value.
-[[nodiscard]] inline std::string explain(const Assessment& a) {
+namespace detail {
+/// "S_depth 0.41: coverage 0.30, ..." for a score that speaks against the frame, else nothing.
+template <class R>
+std::string explain_score(const R& r) {
+  using S = typename R::Score;
+  if (!r.value) return {};
+  const double v = r.value->value();
+  if (score_traits<S>::better == Better::Higher ? v >= 0.7 : v <= 0.4) return {};
+  std::string reason;
+  if constexpr (detected_v<score_reason_t, S>) reason = S::reason(*r.value, r.measured);
+  return S::name + (" " + two_digits(v)) + (reason.empty() ? "" : ": " + reason);
+}
+}  // namespace detail
+
+/// One readable sentence, e.g. "BAD: S_final 0.41 < 0.70; S_total 0.45; S_feature 0.12: 41 static keypoints in 9 of 48
+/// cells; S_change 0.71 (S_mc 0.90: 18 % of the reference's 500 points tracked); 40 % of the image is dynamic". Only scores
+/// that speak against the frame are named, with their reason.
+template <class F, class C>
+[[nodiscard]] std::string explain(const BasicAssessment<F, C>& a) {
   std::ostringstream s;
   s.setf(std::ios::fixed);
   s.precision(2);
-  const auto percent = [](double share) { return std::to_string(std::lround(100.0 * share)) + " %"; };
   s << to_string(a.state);
   if (a.state == SceneState::Initialising) {
     s << ": frame " << a.frame << ", S_total " << a.S_total.value() << ", needs " << a.th_s << " after "
@@ -30,44 +44,25 @@ APSO_NAMESPACE_BEGIN
       s << ": S_final " << a.S_final->value() << (a.S_final->value() >= a.th_differ ? " >= " : " < ") << a.th_differ;
     }
     if (!a.feature_tracking_ok) s << "; the feature tracker has no pose";
+    s << "; S_total " << a.S_total.value();
   }
   if (a.S_total_missing) s << "; nothing to judge the frame by";
-  if (a.S_feature) {
-    s << "; S_feature " << a.S_feature->value();
-    if (a.S_feature->value() < 0.7) {
-      s << ": " << a.static_keypoints << " static keypoints in " << a.features.occupied_cells << " of "
-        << a.features.valid_cells << " cells";
-      if (a.S_sharp && a.S_sharp->value() < 0.7) s << ", blurred (S_sharp " << a.S_sharp->value() << ')';
-      if (a.feature_parts.S_resp < 0.7) s << ", weak response " << a.features.median_response;
-    }
-  }
-  if (a.S_depth && a.S_depth->value() < 0.8) {
-    s << "; S_depth " << a.S_depth->value() << ": coverage " << a.depth_parts.S_cov << ", consistency "
-      << a.depth_parts.S_cons << ", smoothness " << a.depth_parts.S_smo;
-  }
-  if (a.S_spatial && a.S_spatial->value() < 0.7) {
-    s << "; S_spatial " << a.S_spatial->value() << ": " << a.objects << (a.objects == 1 ? " object" : " objects");
-  }
+  detail::for_each_result(a.frame_scores, [&](const auto& r) {
+    const std::string text = detail::explain_score(r);
+    if (!text.empty()) s << "; " << text;
+  });
   if (a.S_change) {
     s << "; S_change " << a.S_change->value();
-    if (a.S_change->value() > 0.4) {
-      const char* separator = ": ";
-      if (a.S_mc && a.reference_tracks > 0) {
-        s << separator << percent(static_cast<double>(a.tracks_from_reference) / a.reference_tracks)
-          << " of the reference's " << a.reference_tracks << " points tracked";
-        separator = ", ";
-      }
-      if (a.S_dc && a.S_dc->value() > 0.4) {
-        s << separator << "depth differs by " << percent(a.depth_change_parts.mean);
-        separator = ", ";
-      }
-      if (a.S_dec && a.S_dec->value() > 0.4) {
-        s << separator << a.detection_parts.matched << " of " << a.detection_parts.reference_count
-          << " objects found again among " << a.detection_parts.current_count;
-      }
-    }
+    const char* separator = " (";
+    detail::for_each_result(a.change_scores, [&](const auto& r) {
+      const std::string text = detail::explain_score(r);
+      if (text.empty()) return;
+      s << separator << text;
+      separator = ", ";
+    });
+    if (separator[0] == ',') s << ')';
   }
-  if (a.scenario_dynamic) s << "; " << percent(a.dynamic_ratio) << " of the image is dynamic";
+  if (a.scenario_dynamic) s << "; " << std::lround(100.0 * a.dynamic_ratio) << " % of the image is dynamic";
   if (a.degraded && a.state != SceneState::Initialising) s << "; the reference is poor";
   return s.str();
 }

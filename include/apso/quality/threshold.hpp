@@ -1,6 +1,6 @@
 /// \file
-/// The thresholds of the initialisation, th_f (eq. Adaptive_Frame) and th_s (eq. Adaptive_Quality), and the search
-/// for the initial frame (eq. Initial) that uses them.
+/// The thresholds of the initialisation, th_f by equation (4) and th_s by equation (5), and the search for the initial
+/// frame by equation (3) that uses them.
 #pragma once
 
 #include <algorithm>
@@ -41,11 +41,11 @@ enum class InitialTimeout {
 constexpr std::array<const char*, 2> enum_names(InitialTimeout) { return {"degraded", "restart"}; }
 
 struct InitialisationOptions {
-  double frames = 30;        ///< th_f0 [frames], 1 s of a 30 Hz camera
-  double frames_max = 150;   ///< th_fmax [frames]
-  double quality = 0.70;     ///< th_s0, [0,1]
-  double quality_min = 0.45; ///< th_smin, (0, th_s0]
-  double decay = 0.5;        ///< beta, >= 0
+  double frames = 30;         ///< th_f at the start [frames]: 1 s of a 30 Hz camera
+  double frames_max = 150;    ///< th_fmax [frames]
+  double quality = 0.70;      ///< th_s at the start, [0,1]: ordinary frames score 0.76 to 0.98
+  double quality_min = 0.45;  ///< th_smin, (0, quality]
+  double decay = 0.5;         ///< beta, >= 0
   FrameThreshold frame_threshold = FrameThreshold::Literal;
   QualityThreshold quality_threshold = QualityThreshold::ClosedForm;
   InitialFrame initial_frame = InitialFrame::BestInWindow;
@@ -82,8 +82,37 @@ struct InitialisationOptions {
   return std::max(o.quality_min, o.decay * th_s * std::log(th_f / n));
 }
 
-/// Searches the initial reference frame.
-class Initialiser {
+/// th_f and th_s from frame to frame, by equations (4) and (5) in the forms that the options choose. A rule of your own has
+/// the same members.
+class AdaptiveThresholds {
+ public:
+  explicit AdaptiveThresholds(const InitialisationOptions& options = {}) : o_(options) { reset(); }
+  void reset() {
+    th_f_ = o_.frames;
+    th_s_ = o_.quality;
+  }
+  /// At frame n (1-based), before it is decided whether the best frame so far becomes the reference.
+  /// \param best its score, [0,1]; < 0 when there is none
+  void next(int n, double best) {
+    const bool literal = o_.quality_threshold == QualityThreshold::Literal;
+    const bool passes = best >= 0 && best >= (literal ? th_s_ : quality_threshold(n, o_));
+    if (n >= th_f_ && !passes && n < o_.frames_max) th_f_ = next_frame_threshold(th_f_, n, o_);
+    if (!literal) th_s_ = quality_threshold(n, o_);
+    else if (n > 1) th_s_ = std::min(1.0, literal_quality_threshold(th_s_, th_f_, n, o_));
+  }
+  [[nodiscard]] double frames() const { return th_f_; }   ///< th_f [frames]
+  [[nodiscard]] double quality() const { return th_s_; }  ///< th_s, [0,1]
+
+ private:
+  InitialisationOptions o_;
+  double th_f_ = 0;
+  double th_s_ = 0;
+};
+
+/// Searches the initial reference frame, equation (3).
+/// \tparam Thresholds the rule for th_f and th_s; see AdaptiveThresholds
+template <class Thresholds = AdaptiveThresholds>
+class BasicInitialiser {
  public:
   /// What to do with the frame just offered.
   struct Step {
@@ -93,7 +122,7 @@ class Initialiser {
     bool restarted = false;  ///< the search failed and begins anew
   };
 
-  explicit Initialiser(const InitialisationOptions& options = {}) : o_(options) {
+  explicit BasicInitialiser(const InitialisationOptions& options = {}) : o_(options), thresholds_(options) {
     expects(o_.quality_min <= o_.quality, "initialisation: quality_min must be <= quality");
     expects(o_.frames <= o_.frames_max, "initialisation: frames must be <= frames_max");
     reset();
@@ -101,57 +130,45 @@ class Initialiser {
   void reset() {
     n_ = 0;
     best_ = -1;
-    th_f_ = o_.frames;
-    th_s_ = o_.quality;
+    thresholds_.reset();
   }
   /// Takes the next frame.
   /// \param usable false: the frame counts but may not become the reference
   Step offer(Quality S_total, bool usable = true) {
     Step step;
     ++n_;
-    const double n = n_;
     if (usable && S_total.value() > best_) {
       best_ = S_total.value();
       step.new_best = true;
     }
-    const bool due = n >= th_f_;
-    if (due && !(best_ >= 0 && best_ >= threshold_at(n)) && n < o_.frames_max) {
-      th_f_ = next_frame_threshold(th_f_, n, o_);
-    }
-    if (o_.quality_threshold == QualityThreshold::Literal) {
-      if (n_ > 1) th_s_ = std::min(1.0, literal_quality_threshold(th_s_, th_f_, n, o_));
-    } else {
-      th_s_ = quality_threshold(n, o_);
-    }
-    if (o_.initial_frame == InitialFrame::FirstPassing && usable && S_total.value() >= th_s_) {
+    const bool due = n_ >= thresholds_.frames();
+    thresholds_.next(n_, best_);
+    if (o_.initial_frame == InitialFrame::FirstPassing && usable && S_total.value() >= th_s()) {
       step.commit = step.new_best = true;
       best_ = S_total.value();
-    } else if (due && best_ >= 0 && best_ >= th_s_) {
+    } else if (due && best_ >= 0 && best_ >= th_s()) {
       step.commit = true;
-    } else if (n >= o_.frames_max && best_ >= 0 && o_.timeout == InitialTimeout::Degraded) {
+    } else if (n_ >= o_.frames_max && best_ >= 0 && o_.timeout == InitialTimeout::Degraded) {
       step.commit = step.degraded = true;
-    } else if (n >= o_.frames_max && o_.timeout == InitialTimeout::Restart) {
+    } else if (n_ >= o_.frames_max && o_.timeout == InitialTimeout::Restart) {
       reset();
       step = {};
       step.restarted = true;
     }
     return step;
   }
-  [[nodiscard]] int frames() const { return n_; }                   ///< n, frames offered
-  [[nodiscard]] double th_f() const { return th_f_; }               ///< [frames]
-  [[nodiscard]] double th_s() const { return th_s_; }               ///< [0,1]
-  [[nodiscard]] Quality best() const { return Quality(best_); }     ///< S* (0 when there is none)
+  [[nodiscard]] int frames() const { return n_; }                         ///< n, frames offered
+  [[nodiscard]] double th_f() const { return thresholds_.frames(); }      ///< [frames]
+  [[nodiscard]] double th_s() const { return thresholds_.quality(); }     ///< [0,1]
+  [[nodiscard]] Quality best() const { return Quality(best_); }           ///< S* (0 when there is none)
   [[nodiscard]] bool has_best() const { return best_ >= 0; }
 
  private:
-  [[nodiscard]] double threshold_at(double n) const {
-    return o_.quality_threshold == QualityThreshold::Literal ? th_s_ : quality_threshold(n, o_);
-  }
   InitialisationOptions o_;
+  Thresholds thresholds_;
   int n_ = 0;
   double best_ = -1;
-  double th_f_ = 0;
-  double th_s_ = 0;
 };
+using Initialiser = BasicInitialiser<>;
 
 APSO_NAMESPACE_END

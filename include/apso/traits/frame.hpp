@@ -59,16 +59,16 @@ template <class CameraT>
 /// \param camera    a Pinhole or any type with camera_traits; contract_error if it is distorted or has another size
 template <class I, class D, class CameraT>
 [[nodiscard]] auto frame(double timestamp, I&& intensity, D&& depth, const CameraT& camera) {
-  using Intensity = std::decay_t<I>;
-  using Depth = std::decay_t<D>;
-  check_image<Intensity>();
-  check_image<Depth>();
-  static_assert(!is_image_v<Depth> || std::is_floating_point_v<typename image_traits<Depth>::value_type>,
+  using IntensityT = std::decay_t<I>;
+  using DepthT = std::decay_t<D>;
+  check_image<IntensityT>();
+  check_image<DepthT>();
+  static_assert(!is_image_v<DepthT> || std::is_floating_point_v<typename image_traits<DepthT>::value_type>,
                 "apso: integer depth needs its unit, e.g. `apso::scaled(depth, 1 / 5000.F)` for TUM files, "
                 "`apso::scaled(depth, 0.001F)` for millimetres");
-  const int width = image_traits<Intensity>::width(intensity);
-  const int height = image_traits<Intensity>::height(intensity);
-  expects(image_traits<Depth>::width(depth) == width && image_traits<Depth>::height(depth) == height,
+  const int width = image_traits<IntensityT>::width(intensity);
+  const int height = image_traits<IntensityT>::height(intensity);
+  expects(image_traits<DepthT>::width(depth) == width && image_traits<DepthT>::height(depth) == height,
           "frame: intensity and depth differ in size");
   const Pinhole pinhole = detail::pinhole_of(camera, width, height);
   pinhole.validate();

@@ -1,12 +1,15 @@
 /// \file
-/// S_conf of the paper: the detection confidence across all objects (eq. quality_score_initial).
+/// S_conf, the detection confidence across all objects: a score of equation (1).
 #pragma once
 
 #include <array>
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/quality/score_list.hpp>
+#include <apso/traits/any.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/score.hpp>
 
@@ -31,12 +34,10 @@ constexpr std::array<const char*, 4> enum_names(WithoutObjects) { return {"missi
 struct ConfidenceOptions {
   ConfidenceAggregation aggregation = ConfidenceAggregation::Mean;
   WithoutObjects without_objects = WithoutObjects::Missing;  ///< Neutral is 0.5
-  bool movable_only = true;                                  ///< ignore objects that cannot move
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("aggregation", s.aggregation);
     v("without_objects", s.without_objects);
-    v("movable_only", s.movable_only);
   }
 };
 
@@ -57,29 +58,31 @@ struct ConfidenceOptions {
   return std::isfinite(area) ? area : 0.0;
 }
 
-/// S_conf. Scores that are not finite are dropped, others limited to [0,1].
+/// S_conf. Only movable objects count. Confidences that are not finite are dropped, others limited to [0,1].
+/// \param objects      any range of detections
 /// \param width,height of the image [px]
-[[nodiscard]] inline MaybeQuality confidence_score(const std::vector<Detection>& objects, int width, int height,
+[[nodiscard]] inline MaybeQuality confidence_score(const AnyDetections& objects, int width, int height,
                                                    const ConfidenceOptions& options = {}) {
+  std::vector<Detection> buffer;
   double n = 0;
   double sum = 0;
   double area_sum = 0;
   double area_weighted = 0;
-  double least = 1;
+  double minimum = 1;
   double log_sum = 0;
-  double nothing = 1;
+  double all_wrong = 1;
   const bool by_area = options.aggregation == ConfidenceAggregation::AreaWeighted;
-  for (const Detection& d : objects) {
-    if ((options.movable_only && !d.movable) || !std::isfinite(d.score)) continue;
+  for (const Detection& d : objects.in(buffer)) {
+    if (!d.movable || !std::isfinite(d.score)) continue;
     const double p = clamp01(static_cast<double>(d.score));
     const double area = by_area ? visible_area(d, width, height) : 1.0;
     n += 1;
     sum += p;
     area_sum += area;
     area_weighted += area * p;
-    least = p < least ? p : least;
+    minimum = p < minimum ? p : minimum;
     log_sum += std::log(p);  // -inf for p = 0 makes the geometric mean 0
-    nothing *= 1 - p;
+    all_wrong *= 1 - p;
   }
   if (n == 0 || (by_area && !(area_sum > 0))) {
     switch (options.without_objects) {
@@ -92,11 +95,34 @@ struct ConfidenceOptions {
   switch (options.aggregation) {
     case ConfidenceAggregation::Mean: return Quality(sum / n);
     case ConfidenceAggregation::AreaWeighted: return Quality(area_weighted / area_sum);
-    case ConfidenceAggregation::Min: return Quality(least);
+    case ConfidenceAggregation::Min: return Quality(minimum);
     case ConfidenceAggregation::GeometricMean: return Quality(std::exp(log_sum / n));
-    case ConfidenceAggregation::NoisyOr: return Quality(1 - nothing);
+    case ConfidenceAggregation::NoisyOr: return Quality(1 - all_wrong);
   }
   return std::nullopt;
 }
+
+/// S_conf as a score of a list.
+struct Confidence {
+  static constexpr const char* name = "S_conf";
+  static constexpr const char* options_name = "confidence";
+  static constexpr ScoreRole role = ScoreRole::ObjectConfidence;
+  static constexpr double default_weight = 0.10;  // it hardly tells which frames fail (docs/quality.md)
+  using Value = Quality;
+  using Options = ConfidenceOptions;
+  struct Measured {
+    int objects = 0;
+    template <class Self, class V>
+    static void columns(Self&, V&&) {}
+  };
+  Options options;
+  Measured measured;
+
+  MaybeQuality operator()(const FrameContext& frame) {
+    measured.objects = static_cast<int>(frame.object_list().size());
+    return confidence_score(frame.object_list(), frame.width(), frame.height(), options);
+  }
+  static std::string reason(Quality, const Measured& m) { return std::to_string(m.objects) + (m.objects == 1 ? " object" : " objects"); }
+};
 
 APSO_NAMESPACE_END

@@ -1,13 +1,16 @@
 /// \file
-/// S_depth of the paper: coverage, consistency and smoothness of the depth image (eq. quality_score_initial).
+/// S_depth, coverage, consistency and smoothness of the depth image: a score of equation (1).
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include <apso/config.hpp>
-#include <apso/types/image_view.hpp>
+#include <apso/quality/score_list.hpp>
+#include <apso/traits/any.hpp>
 #include <apso/types/frame.hpp>
 #include <apso/types/score.hpp>
 
@@ -21,26 +24,19 @@ enum class DepthNoise {
 constexpr std::array<const char*, 2> enum_names(DepthNoise) { return {"khoshelham", "nguyen"}; }
 
 struct DepthQualityOptions {
-  DepthRange range;
-  int border = 8;               ///< pixels ignored at the image edge
-  int stride = 4;               ///< every stride-th pixel both ways is judged
-  double full_coverage = 0.8;   ///< share of valid pixels of a full S_cov
-  double w_coverage = 0.5;      ///< the three weights sum to 1
-  double w_consistency = 0.25;  ///<
-  double w_smoothness = 0.25;   ///<
   DepthNoise noise = DepthNoise::Khoshelham;
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
-    v("range", s.range);
-    v("border", s.border, 1, 1000);
-    v("stride", s.stride, 1, 64);
-    v("full_coverage", s.full_coverage, 1e-3, 1.0);
-    v("w_coverage", s.w_coverage, 0.0, 1.0);
-    v("w_consistency", s.w_consistency, 0.0, 1.0);
-    v("w_smoothness", s.w_smoothness, 0.0, 1.0);
     v("noise", s.noise);
   }
 };
+
+/// Pixels at the edge of the image that S_depth leaves out [px]: registration leaves no depth there.
+inline constexpr int kDepthBorder = 8;
+/// S_depth judges every fourth pixel both ways, for a sixteenth of the time.
+inline constexpr int kDepthStride = 4;
+/// Share of valid pixels from which the coverage is full: edges and dark surfaces give no depth in any indoor scene.
+inline constexpr double kFullCoverage = 0.8;
 
 /// The parts of S_depth.
 struct DepthScore {
@@ -52,25 +48,27 @@ struct DepthScore {
   Quality score;      ///< S_depth
 };
 
-/// The parts of S_depth with a noise model of the user.
+/// The parts of S_depth with a noise model of the user, the parts weighted 2 : 1 : 1.
 /// Consistent: at least 5 of 8 neighbours are valid and the median of the 3x3 pixels is within 3 sigma. (Tested by
 /// counting: at most half of the values lie above the band and at most half below it.)
 /// Smooth: the second difference of 1/z, which is 0 on every plane however slanted, is within 3 sqrt(6) sigma of
 /// 1/z in u and in v; over pixels whose four neighbours are valid.
 /// \param sigma callable: depth [m] -> standard deviation [m], > 0
+/// \param scratch working memory for rows that are not floats
 template <class Sigma>
-[[nodiscard]] DepthScore depth_score(ImageView<const float> depth, const DepthQualityOptions& options, Sigma&& sigma) {
+[[nodiscard]] DepthScore depth_score_by(const AnyImage& depth, const DepthRange& range, Sigma&& sigma, std::vector<float>& scratch) {
   DepthScore s;
-  const DepthRange range = options.range;
-  const int border = std::max(1, options.border);
+  if (depth.empty()) return s;
+  auto row = rows(depth, scratch, 3);
+  constexpr int border = kDepthBorder;
   int consistent = 0;
   int smooth = 0;
   int crosses = 0;
-  for (int y = border; y < depth.height - border; y += options.stride) {
-    const float* up = depth.row(y - 1);
-    const float* mid = depth.row(y);
-    const float* down = depth.row(y + 1);
-    for (int x = border; x < depth.width - border; x += options.stride) {
+  for (int y = border; y < depth.height() - border; y += kDepthStride) {
+    const float* up = row(y - 1);
+    const float* mid = row(y);
+    const float* down = row(y + 1);
+    for (int x = border; x < depth.width() - border; x += kDepthStride) {
       ++s.judged;
       const float z = mid[x];
       if (!depth_valid(z, range)) continue;
@@ -101,19 +99,60 @@ template <class Sigma>
     }
   }
   if (s.valid == 0) return s;
-  s.S_cov = clamp01(static_cast<double>(s.valid) / s.judged / options.full_coverage);
+  s.S_cov = clamp01(static_cast<double>(s.valid) / s.judged / kFullCoverage);
   s.S_cons = static_cast<double>(consistent) / s.valid;
   s.S_smo = crosses > 0 ? static_cast<double>(smooth) / crosses : 0.0;
-  s.score = Quality(options.w_coverage * s.S_cov + options.w_consistency * s.S_cons + options.w_smoothness * s.S_smo);
+  s.score = Quality(0.5 * s.S_cov + 0.25 * s.S_cons + 0.25 * s.S_smo);
   return s;
 }
 
-/// The parts of S_depth. Without a valid pixel all are 0; an empty image is the caller's "missing".
-[[nodiscard]] inline DepthScore depth_score(ImageView<const float> depth, const DepthQualityOptions& options = {}) {
+/// The parts of S_depth of any image in metres. Without a valid pixel all are 0; an empty image is the caller's "missing".
+[[nodiscard]] inline DepthScore depth_score(const AnyImage& depth, const DepthQualityOptions& options, const DepthRange& range,
+                                            std::vector<float>& scratch) {
   if (options.noise == DepthNoise::Nguyen) {
-    return depth_score(depth, options, [](float z) { return 0.0012F + 0.0019F * (z - 0.4F) * (z - 0.4F); });
+    return depth_score_by(depth, range, [](float z) { return 0.0012F + 0.0019F * (z - 0.4F) * (z - 0.4F); }, scratch);
   }
-  return depth_score(depth, options, [](float z) { return depth_sigma(z); });
+  return depth_score_by(depth, range, [](float z) { return depth_sigma(z); }, scratch);
 }
+/// The same with working memory of its own.
+[[nodiscard]] inline DepthScore depth_score(const AnyImage& depth, const DepthQualityOptions& options = {}, const DepthRange& range = {}) {
+  std::vector<float> scratch;
+  return depth_score(depth, options, range, scratch);
+}
+
+/// S_depth as a score of a list.
+struct Depth {
+  static constexpr const char* name = "S_depth";
+  static constexpr double default_weight = 0.30;  // enough that a frame without any depth is noticed
+  using Value = Quality;
+  using Options = DepthQualityOptions;
+  struct Measured {
+    double S_cov = 0;   ///< coverage, [0,1]
+    double S_cons = 0;  ///< consistency, [0,1]
+    double S_smo = 0;   ///< smoothness, [0,1]
+    template <class Self, class V>
+    static void columns(Self& m, V&& v) {
+      v("S_cov", m.S_cov);
+      v("S_cons", m.S_cons);
+      v("S_smo", m.S_smo);
+    }
+  };
+  Options options;
+  Measured measured;
+
+  MaybeQuality operator()(const FrameContext& frame) {
+    measured = {};
+    if (frame.depth.empty()) return std::nullopt;
+    const DepthScore s = depth_score(frame.depth, options, frame.depth_range, scratch_);
+    measured = {s.S_cov, s.S_cons, s.S_smo};
+    return s.score;
+  }
+  static std::string reason(Quality, const Measured& m) {
+    return "coverage " + two_digits(m.S_cov) + ", consistency " + two_digits(m.S_cons) + ", smoothness " + two_digits(m.S_smo);
+  }
+
+ private:
+  std::vector<float> scratch_;
+};
 
 APSO_NAMESPACE_END

@@ -1,61 +1,48 @@
 /// \file
-/// S_mc of the paper: the motion residual of S_change (eq. Change Score), from points followed since the reference.
+/// S_mc, the motion residual: a score of equation (7), from points followed since the reference.
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <string>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include <apso/config.hpp>
-#include <apso/math/small_matrix.hpp>
+#include <apso/math/se3.hpp>
 #include <apso/math/statistics.hpp>
-#include <apso/math/symmetric.hpp>
+#include <apso/quality/score_list.hpp>
+#include <apso/quality/scores/camera_flow.hpp>
+#include <apso/quality/scores/change_scale.hpp>
 #include <apso/types/score.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-/// One point in the reference and in the current frame.
-struct Correspondence {
-  float reference_x = 0;  ///< [px]
-  float reference_y = 0;  ///< [px]
-  float x = 0;            ///< in the current frame [px]
-  float y = 0;            ///< in the current frame [px]
-};
-
-/// Which flow is measured.
-enum class FlowKind {
-  Raw,      ///< all of it: motion of the camera counts, because an abrupt change of viewpoint is to be found
-  Residual  ///< what the best affine flow leaves, which takes most of the camera's own motion out
-};
-constexpr std::array<const char*, 2> enum_names(FlowKind) { return {"raw", "residual"}; }
-
 struct MotionChangeOptions {
   FlowKind flow = FlowKind::Raw;
-  double scale = 0.12;           ///< s_m against the benchmark frame [image diagonals]
-  double scale_previous = 0.04;  ///< s_m against the previous frame [image diagonals]
-  double trim = 0.10;            ///< share of the flows dropped at each end of the mean, [0, 0.49]
-  double full_overlap = 0.5;     ///< share of the reference's points that counts as all of them
-  int grid_x = 8;                ///< cells across
-  int grid_y = 6;                ///< cells down
-  int min_per_cell = 3;          ///< tracks of a valid cell
+  double scale = 0.12;           ///< s_m against the benchmark frame [image diagonals]; found by apso_calibrate
+  double scale_previous = 0.04;  ///< s_m against the previous frame [image diagonals]; found by apso_calibrate
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("flow", s.flow);
     v("scale", s.scale, 1e-6, 10.0);
     v("scale_previous", s.scale_previous, 1e-6, 10.0);
-    v("trim", s.trim, 0.0, 0.49);
-    v("full_overlap", s.full_overlap, 1e-3, 1.0);
-    v("grid_x", s.grid_x, 1, 64);
-    v("grid_y", s.grid_y, 1, 64);
-    v("min_per_cell", s.min_per_cell, 1, 1000);
   }
 };
 
-struct MotionChange {
+/// Share of the flows that the mean drops at each end.
+inline constexpr double kFlowTrim = 0.10;
+/// Share of the reference's points, still followed, that counts as all of them.
+inline constexpr double kFullTrackOverlap = 0.5;
+/// Cells of the reference frame over which the median flow is taken: 80 px at 640x480.
+inline constexpr int kFlowGridX = 8;
+inline constexpr int kFlowGridY = 6;
+/// Tracks that a cell must have to count ("valid grids").
+inline constexpr int kMinimumTracksPerCell = 3;
+
+/// What S_mc is made of.
+struct MotionMeasure {
   double m_point = 0;  ///< trimmed mean of the flow [image diagonals]
   double m_grid = 0;   ///< mean over the valid cells of the median flow [image diagonals]
   double overlap = 0;  ///< rho_t, [0,1]
@@ -69,43 +56,6 @@ struct MotionChange {
   return Deviation(1.0 - overlap * std::exp(-0.5 * (m_point + m_grid) / scale));
 }
 
-/// The affine flow (2x3, applied to (x, y, 1) of the reference) that fits the correspondences best: four rounds of least
-/// squares in which flows far from it count less (Cauchy weights, scale 2 px). Zero for fewer than six of them.
-[[nodiscard]] inline Eigen::Matrix<double, 2, 3> affine_flow(const std::vector<Correspondence>& matches) {
-  Eigen::Matrix<double, 2, 3> A;
-  for (int k = 0; k < 6; ++k) A(k / 3, k % 3) = 0;
-  for (int round = 0; round < 4; ++round) {
-    double H[3][3] = {};  // lower triangle
-    double b[2][3] = {};  // right side of each row of A
-    int n = 0;
-    for (const Correspondence& m : matches) {
-      const double x[3] = {static_cast<double>(m.reference_x), static_cast<double>(m.reference_y), 1};
-      const double f[2] = {static_cast<double>(m.x) - x[0], static_cast<double>(m.y) - x[1]};
-      if (!std::isfinite(x[0]) || !std::isfinite(x[1]) || !(f[0] * f[0] + f[1] * f[1] <= 1e10)) continue;
-      double e[2];
-      for (int i = 0; i < 2; ++i) e[i] = f[i] - (A(i, 0) * x[0] + A(i, 1) * x[1] + A(i, 2));
-      const double w = round == 0 ? 1.0 : 1.0 / (1.0 + (e[0] * e[0] + e[1] * e[1]) / 4.0);
-      for (int i = 0; i < 3; ++i) {
-        for (int j = 0; j <= i; ++j) H[i][j] += w * x[i] * x[j];
-        for (int j = 0; j < 2; ++j) b[j][i] += w * x[i] * f[j];
-      }
-      ++n;
-    }
-    if (n < 6) return A;
-    for (int i = 0; i < 3; ++i) H[i][i] += 1e-6;
-    Eigen::Matrix<double, 2, 3> next;
-    for (int j = 0; j < 2; ++j) {
-      double L[3][3];
-      for (int k = 0; k < 9; ++k) L[k / 3][k % 3] = H[k / 3][k % 3];
-      solve_definite(L, 3, b[j]);
-      for (int i = 0; i < 3; ++i) next(j, i) = b[j][i];
-    }
-    if (!all_finite(next)) return A;
-    A = next;
-  }
-  return A;
-}
-
 /// Working memory of motion_change.
 struct MotionScratch {
   std::vector<double> flows;
@@ -113,43 +63,47 @@ struct MotionScratch {
   std::vector<double> cell_flows;
   std::vector<int> cell;
   std::vector<int> first;
+  std::vector<PlanarFlow> camera;
 };
 
 /// S_mc.
 /// Cells are those of the reference frame. Correspondences that are not finite are dropped; none left gives 1.
 /// \param reference_points how many points the reference had
 /// \param scale            s_m [image diagonals]
-[[nodiscard]] inline MotionChange motion_change(const std::vector<Correspondence>& matches, int reference_points,
-                                                int width, int height, const MotionChangeOptions& options, double scale,
-                                                MotionScratch& scratch) {
+/// \param predicted        the camera's own flow at each correspondence, for FlowKind::PosePredicted; the other kinds find it here
+[[nodiscard]] inline MotionMeasure motion_change(const std::vector<Correspondence>& matches, int reference_points, int width,
+                                                 int height, const MotionChangeOptions& options, double scale,
+                                                 MotionScratch& scratch, const std::vector<PlanarFlow>* predicted = nullptr) {
   expects(width > 0 && height > 0 && scale > 0, "motion_change: empty image or scale <= 0");
-  MotionChange r;
+  MotionMeasure r;
   const double diagonal = std::sqrt(static_cast<double>(width) * width + static_cast<double>(height) * height);
-  const int cells = options.grid_x * options.grid_y;
+  constexpr int cells = kFlowGridX * kFlowGridY;
   scratch.flows.clear();
   scratch.cell.clear();
   scratch.first.assign(static_cast<std::size_t>(cells) + 1, 0);
-  const Eigen::Matrix<double, 2, 3> ego = options.flow == FlowKind::Residual ? affine_flow(matches) : affine_flow({});
-  for (const Correspondence& m : matches) {
+  if (predicted == nullptr) camera_flow(options.flow, matches, width, height, scratch.camera);
+  const std::vector<PlanarFlow>& own = predicted != nullptr ? *predicted : scratch.camera;
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    const Correspondence& m = matches[i];
     const double u = static_cast<double>(m.reference_x);
     const double v = static_cast<double>(m.reference_y);
-    const double dx = static_cast<double>(m.x) - u - (ego(0, 0) * u + ego(0, 1) * v + ego(0, 2));
-    const double dy = static_cast<double>(m.y) - v - (ego(1, 0) * u + ego(1, 1) * v + ego(1, 2));
+    const double dx = static_cast<double>(m.x) - u - own[i].x;
+    const double dy = static_cast<double>(m.y) - v - own[i].y;
     const double flow = std::sqrt(dx * dx + dy * dy) / diagonal;
     if (!std::isfinite(flow)) continue;
-    const double gx = std::clamp(static_cast<double>(m.reference_x) * options.grid_x / width, 0.0, options.grid_x - 1.0);
-    const double gy = std::clamp(static_cast<double>(m.reference_y) * options.grid_y / height, 0.0, options.grid_y - 1.0);
-    const int g = static_cast<int>(gy) * options.grid_x + static_cast<int>(gx);
+    const double gx = std::clamp(u * kFlowGridX / width, 0.0, kFlowGridX - 1.0);
+    const double gy = std::clamp(v * kFlowGridY / height, 0.0, kFlowGridY - 1.0);
+    const int g = static_cast<int>(gy) * kFlowGridX + static_cast<int>(gx);
     scratch.flows.push_back(flow);
     scratch.cell.push_back(g);
     ++scratch.first[static_cast<std::size_t>(g) + 1];
   }
   r.tracks = static_cast<int>(scratch.flows.size());
   if (r.tracks == 0) return r;
-  r.overlap = std::min(1.0, r.tracks / std::max(1.0, options.full_overlap * reference_points));
+  r.overlap = std::min(1.0, r.tracks / std::max(1.0, kFullTrackOverlap * reference_points));
 
   scratch.sorted = scratch.flows;
-  const auto cut = static_cast<std::ptrdiff_t>(options.trim * r.tracks);
+  const auto cut = static_cast<std::ptrdiff_t>(kFlowTrim * r.tracks);
   const auto low = scratch.sorted.begin() + cut;
   const auto high = scratch.sorted.end() - cut;
   std::sort(scratch.sorted.begin(), scratch.sorted.end());
@@ -169,7 +123,7 @@ struct MotionScratch {
   for (int g = 0; g < cells; ++g) {
     const int begin = scratch.first[static_cast<std::size_t>(g) + 1];
     const int end = g + 1 < cells ? scratch.first[static_cast<std::size_t>(g) + 2] : r.tracks;
-    if (end - begin < options.min_per_cell) continue;
+    if (end - begin < kMinimumTracksPerCell) continue;
     scratch.sorted.assign(scratch.cell_flows.begin() + begin, scratch.cell_flows.begin() + end);
     medians += median_in_place(scratch.sorted);
     ++r.cells;
@@ -178,5 +132,108 @@ struct MotionScratch {
   r.score = motion_deviation(r.m_point, r.m_grid, r.overlap, scale);
   return r;
 }
+
+/// S_mc as a score of a list. Remembers the static points of a frame, with their depth if FlowKind::PosePredicted asks for it.
+struct MotionChange {
+  static constexpr const char* name = "S_mc";
+  static constexpr const char* options_name = "motion_change";
+  static constexpr const char* weight_name = "motion";
+  static constexpr double default_weight = 0.50;
+  using Value = Deviation;
+  using Options = MotionChangeOptions;
+  struct Measured {
+    double flow = 0;     ///< mean of m_point and m_grid [image diagonals]
+    double overlap = 0;  ///< rho_t, [0,1]
+    int tracks = 0;            ///< points followed since the other frame
+    int reference_points = 0;  ///< points the other frame had
+    template <class Self, class V>
+    static void columns(Self& m, V&& v) {
+      v("flow", m.flow);
+      v("track_overlap", m.overlap);
+    }
+  };
+  struct Memory {
+    struct Point {
+      std::int64_t id;
+      float x;      ///< [px]
+      float y;      ///< [px]
+      float depth;  ///< [m]; 0 = not known
+    };
+    std::vector<Point> points;  ///< static tracks, by rising id
+    Pose T_world_camera = Pose::Identity();
+    bool has_pose = false;
+    bool present = false;  ///< tracks were given (there may be none)
+  };
+  Options options;
+  Measured measured;
+
+  void remember(const FrameContext& frame, Memory& memory) const {
+    memory.present = frame.tracks != nullptr;
+    memory.points.clear();
+    if (!memory.present) return;
+    const bool by_pose = options.flow == FlowKind::PosePredicted;
+    memory.has_pose = by_pose && frame.T_world_camera != nullptr && is_finite(*frame.T_world_camera);
+    if (memory.has_pose) memory.T_world_camera = *frame.T_world_camera;
+    for (const PointTrack& t : *frame.tracks) {
+      if (!frame.is_static(t.x, t.y)) continue;
+      float z = 0;
+      if (by_pose && !frame.depth.empty()) z = frame.depth.at(static_cast<int>(std::lround(t.x)), static_cast<int>(std::lround(t.y)));
+      memory.points.push_back({t.id, t.x, t.y, depth_valid(z, frame.depth_range) ? z : 0.0F});
+    }
+    const auto by_id = [](const Memory::Point& l, const Memory::Point& r) { return l.id < r.id; };
+    if (!std::is_sorted(memory.points.begin(), memory.points.end(), by_id)) {
+      std::sort(memory.points.begin(), memory.points.end(), by_id);
+    }
+  }
+
+  MaybeDeviation operator()(const ChangeContext<Memory>& frames) {
+    measured = {};
+    const Memory& r = frames.reference;
+    const Memory& c = frames.current;
+    if (!r.present || !c.present) return std::nullopt;
+    const bool by_pose = options.flow == FlowKind::PosePredicted;
+    if (by_pose && !(r.has_pose && c.has_pose)) return std::nullopt;
+    const Pose T_current_reference = by_pose ? compose(inverse(c.T_world_camera), r.T_world_camera) : Pose::Identity();
+    matches_.clear();
+    predicted_.clear();
+    auto from = r.points.begin();
+    for (const Memory::Point& p : c.points) {
+      while (from != r.points.end() && from->id < p.id) ++from;
+      if (from == r.points.end()) break;
+      if (from->id != p.id) continue;
+      matches_.push_back({from->x, from->y, p.x, p.y});
+      if (by_pose) {
+        predicted_.push_back(flow_of_poses(T_current_reference, frames.camera, static_cast<double>(from->x),
+                                           static_cast<double>(from->y), static_cast<double>(from->depth)));
+      }
+    }
+    const double scale = frames.baseline == ChangeBaseline::Reference ? options.scale : options.scale_previous;
+    const auto usable = [by_pose](const Memory::Point& p) { return !by_pose || p.depth > 0; };
+    const auto points = static_cast<int>(std::count_if(r.points.begin(), r.points.end(), usable));
+    const MotionMeasure m = motion_change(matches_, points, frames.camera.width, frames.camera.height,
+                                          options, scale, scratch_, by_pose ? &predicted_ : nullptr);
+    measured = {0.5 * (m.m_point + m.m_grid), m.overlap, m.tracks, points};
+    return m.score;
+  }
+  static std::string reason(Deviation, const Measured& m) {
+    if (m.reference_points == 0) return {};
+    return std::to_string(std::lround(100.0 * m.tracks / m.reference_points)) + " % of the reference's " +
+           std::to_string(m.reference_points) + " points tracked";
+  }
+  /// Share of the other frame that is still in sight; few of it for several frames make a reference stale.
+  static double visible_share(const Measured& m) { return m.overlap; }
+  /// The score that other options would have given against the reference.
+  static Deviation revalue(const Measured& m, const Options& o) { return motion_deviation(m.flow, m.flow, m.overlap, o.scale); }
+  /// Finds the scales on calm frames.
+  static void calibrate(const std::vector<Measured>& reference, const std::vector<Measured>& previous, Options& o) {
+    adopt_change_scale(reference, &Measured::flow, o.scale);
+    adopt_change_scale(previous, &Measured::flow, o.scale_previous);
+  }
+
+ private:
+  std::vector<Correspondence> matches_;
+  std::vector<PlanarFlow> predicted_;
+  MotionScratch scratch_;
+};
 
 APSO_NAMESPACE_END

@@ -11,26 +11,21 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include <apso/config.hpp>
-#include <apso/types/image_view.hpp>
+#include <apso/traits/any.hpp>
 #include <apso/types/score.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-struct SharpnessOptions {
-  bool enabled = true;         ///< false: S_feature as printed, from keypoints alone
-  double image_noise = 0.008;  ///< standard deviation that is taken out of the differences [grey in 0..1]
-  double full = 0.5;           ///< share of the usual ratio that still counts as sharp
-  double floor = 0.02;         ///< the usual ratio is never taken as less; keeps blur from calibrating itself
-  template <class Self, class V>
-  static void fields(Self& s, V&& v) {
-    v("enabled", s.enabled);
-    v("image_noise", s.image_noise, 0.0, 1.0);
-    v("full", s.full, 1e-3, 1.0);
-    v("floor", s.floor, 1e-6, 1.0);
-  }
-};
+/// Standard deviation of the noise of a grey value that is taken out of the differences [grey in 0..1]: two
+/// of 255 grey values.
+inline constexpr double kImageNoise = 0.008;
+/// Share of the typical ratio that still counts as sharp.
+inline constexpr double kFullSharpness = 0.5;
+/// The typical ratio is never taken as less, so that a recording that begins blurred does not set its own standard.
+inline constexpr double kMinimumTypicalRatio = 0.02;
 
 /// Ratio of fine to coarse contrast in both directions, >= 0.
 struct SharpnessMeasure {
@@ -41,20 +36,22 @@ struct SharpnessMeasure {
 
 /// Measures every fourth row and, across, every fourth pair of rows. Pixels that are not finite spoil the measure,
 /// which is then not valid.
-[[nodiscard]] inline SharpnessMeasure measure_sharpness(ImageView<const float> intensity,
-                                                        const SharpnessOptions& options = {}) {
+/// \param intensity any image in [0,1]
+/// \param scratch   working memory for rows that are not floats
+[[nodiscard]] inline SharpnessMeasure measure_sharpness(const AnyImage& intensity, std::vector<float>& scratch) {
   constexpr int fine = 4;
   constexpr int coarse = 32;
   constexpr int step = 4;
   SharpnessMeasure m;
-  if (intensity.width <= 2 * coarse || intensity.height <= 2 * coarse) return m;
+  if (intensity.width() <= 2 * coarse || intensity.height() <= 2 * coarse) return m;
+  auto row = rows(intensity, scratch, 5);  // rows 0, 4 and 32 below each other have places of their own
   double fine_x = 0, coarse_x = 0, fine_y = 0, coarse_y = 0;
   int rows = 0;
-  const int nx = intensity.width - coarse;
-  for (int y = 0; y + coarse < intensity.height; y += step) {
-    const float* a = intensity.row(y);
-    const float* below = intensity.row(y + fine);
-    const float* far_below = intensity.row(y + coarse);
+  const int nx = intensity.width() - coarse;
+  for (int y = 0; y + coarse < intensity.height(); y += step) {
+    const float* a = row(y);
+    const float* below = row(y + fine);
+    const float* far_below = row(y + coarse);
     constexpr int lanes = 8;  // sums of their own, so that the loop can be vectorised in a fixed order
     float fx[lanes] = {}, cx[lanes] = {}, fy[lanes] = {}, cy[lanes] = {};
     for (int x = 0; x + lanes <= nx; x += lanes) {
@@ -79,7 +76,7 @@ struct SharpnessMeasure {
     ++rows;
   }
   const double n = static_cast<double>(rows) * (nx / 8 * 8);
-  const double noise = 2 * options.image_noise * options.image_noise;
+  const double noise = 2 * kImageNoise * kImageNoise;
   const auto ratio = [&](double f, double c) {
     const double rest = c / n - noise;
     return rest > noise ? std::max(0.0, f / n - noise) / rest : std::numeric_limits<double>::quiet_NaN();
@@ -91,14 +88,19 @@ struct SharpnessMeasure {
   return m;
 }
 
-/// S_sharp: 1 for what is usual, falling with the blur of the worse direction.
-/// \param usual_x,usual_y ratios of earlier frames; the floor of the options is applied to them
-[[nodiscard]] inline Quality sharpness_score(const SharpnessMeasure& m, double usual_x, double usual_y,
-                                             const SharpnessOptions& options = {}) {
-  const auto share = [&](double ratio, double usual) {
-    return ratio / (options.full * std::max(options.floor, usual));
+/// The same with working memory of its own.
+[[nodiscard]] inline SharpnessMeasure measure_sharpness(const AnyImage& intensity) {
+  std::vector<float> scratch;
+  return measure_sharpness(intensity, scratch);
+}
+
+/// S_sharp: 1 for what is typical here, falling with the blur of the worse direction.
+/// \param typical_x,typical_y ratios of earlier frames; never taken as less than kMinimumTypicalRatio
+[[nodiscard]] inline Quality sharpness_score(const SharpnessMeasure& m, double typical_x, double typical_y) {
+  const auto share = [](double ratio, double typical) {
+    return ratio / (kFullSharpness * std::max(kMinimumTypicalRatio, typical));
   };
-  return Quality(std::min(share(m.ratio_x, usual_x), share(m.ratio_y, usual_y)));
+  return Quality(std::min(share(m.ratio_x, typical_x), share(m.ratio_y, typical_y)));
 }
 
 APSO_NAMESPACE_END

@@ -1,14 +1,16 @@
 /// \file
-/// S_spatial of the paper: object size and position within the frame (eq. quality_score_initial).
+/// S_spatial, size and position of the objects within the frame: a score of equation (1).
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+#include <string>
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/quality/score_list.hpp>
+#include <apso/traits/any.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/score.hpp>
 
@@ -25,17 +27,16 @@ constexpr std::array<const char*, 2> enum_names(SpatialForm) {
 
 struct SpatialOptions {
   SpatialForm form = SpatialForm::BackgroundAvailability;
-  double kappa = 0.5;        ///< width of the centre weight, in half diagonals; infinity = uniform
-  int block = 8;             ///< side of the blocks the occupancy is averaged over [px]
-  bool movable_only = true;  ///< ignore objects that cannot move
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("form", s.form);
-    v("kappa", s.kappa, 1e-3, std::numeric_limits<double>::infinity());
-    v("block", s.block, 1, 1024);
-    v("movable_only", s.movable_only);
   }
 };
+
+/// Width of the centre weight of S_spatial, in half diagonals: at the corners a pixel counts e^-2 of one in the centre.
+inline constexpr double kCentreWeightWidth = 0.5;
+/// Side of the blocks over which the occupancy is averaged [px].
+inline constexpr int kOccupancyBlock = 8;
 
 namespace detail {
 /// Raises the block occupancies to what one object covers of each block.
@@ -79,15 +80,14 @@ inline void cover_blocks(const Detection& d, int width, int height, int block, i
   }
 }
 
-inline MaybeQuality object_observability(const std::vector<Detection>& objects, int width, int height,
-                                         bool movable_only) {
+inline MaybeQuality object_observability(const std::vector<Detection>& objects, int width, int height) {
   const double w = width;
   const double h = height;
   const double half_diagonal = 0.5 * std::sqrt(w * w + h * h);
   double sum = 0;
   int n = 0;
   for (const Detection& d : objects) {
-    if (movable_only && !d.movable) continue;
+    if (!d.movable) continue;
     const double whole = static_cast<double>(d.box.area());
     const double seen = static_cast<double>(
         d.box.intersect({0, 0, static_cast<float>(width), static_cast<float>(height)}).area());
@@ -107,20 +107,22 @@ inline MaybeQuality object_observability(const std::vector<Detection>& objects, 
 
 /// S_spatial. BackgroundAvailability: 1 - sum w(p) o(p) / sum w(p) with the occupancy o (union of the objects by
 /// maximum, their masks or else their boxes) and the centre weight w(p) = exp(-|p - c|^2 / (2 (kappa d)^2)), d the
-/// half diagonal; evaluated on blocks.
+/// half diagonal; evaluated on blocks. Only movable objects count.
+/// \param kappa   width of the centre weight in half diagonals, infinity = uniform
 /// \param scratch working memory, reused from call to call
 [[nodiscard]] inline MaybeQuality spatial_score(const std::vector<Detection>& objects, int width, int height,
-                                                const SpatialOptions& options, std::vector<float>& scratch) {
+                                                const SpatialOptions& options, std::vector<float>& scratch,
+                                                double kappa = kCentreWeightWidth) {
   expects(width > 0 && height > 0, "spatial_score: empty image");
   if (options.form == SpatialForm::ObjectObservability) {
-    return detail::object_observability(objects, width, height, options.movable_only);
+    return detail::object_observability(objects, width, height);
   }
-  const int block = options.block;
+  const int block = kOccupancyBlock;
   const int nx = (width + block - 1) / block;
   const int ny = (height + block - 1) / block;
   bool any = false;
   for (const Detection& d : objects) {
-    if (options.movable_only && !d.movable) continue;
+    if (!d.movable) continue;
     if (!any) {
       any = true;
       scratch.assign(static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny), 0.0F);
@@ -131,7 +133,7 @@ inline MaybeQuality object_observability(const std::vector<Detection>& objects, 
 
   // The weight is a product of one factor per axis; the one of x stands behind the occupancies.
   const double diagonal2 = 0.25 * (static_cast<double>(width) * width + static_cast<double>(height) * height);
-  const double k = 1.0 / (2.0 * options.kappa * options.kappa * diagonal2);  // 0 for infinite kappa
+  const double k = 1.0 / (2.0 * kappa * kappa * diagonal2);  // 0 for infinite kappa
   const auto axis_weight = [&](int i, int size) {
     const int first = i * block;
     const int last = std::min(first + block, size);
@@ -159,11 +161,35 @@ inline MaybeQuality object_observability(const std::vector<Detection>& objects, 
   return Quality(all > 0 ? 1.0 - hidden / all : 1.0);
 }
 
-/// The same with working memory of its own.
-[[nodiscard]] inline MaybeQuality spatial_score(const std::vector<Detection>& objects, int width, int height,
-                                                const SpatialOptions& options = {}) {
+/// The same of any range of detections, with working memory of its own.
+[[nodiscard]] inline MaybeQuality spatial_score(const AnyDetections& objects, int width, int height, const SpatialOptions& options = {}) {
+  std::vector<Detection> buffer;
   std::vector<float> scratch;
-  return spatial_score(objects, width, height, options, scratch);
+  return spatial_score(objects.in(buffer), width, height, options, scratch);
 }
+
+/// S_spatial as a score of a list.
+struct Spatial {
+  static constexpr const char* name = "S_spatial";
+  static constexpr double default_weight = 0.10;  // it hardly tells which frames fail (docs/quality.md)
+  using Value = Quality;
+  using Options = SpatialOptions;
+  struct Measured {
+    int objects = 0;
+    template <class Self, class V>
+    static void columns(Self&, V&&) {}
+  };
+  Options options;
+  Measured measured;
+
+  MaybeQuality operator()(const FrameContext& frame) {
+    measured.objects = static_cast<int>(frame.object_list().size());
+    return spatial_score(frame.object_list(), frame.width(), frame.height(), options, scratch_);
+  }
+  static std::string reason(Quality, const Measured& m) { return std::to_string(m.objects) + (m.objects == 1 ? " object" : " objects"); }
+
+ private:
+  std::vector<float> scratch_;
+};
 
 APSO_NAMESPACE_END
