@@ -58,9 +58,9 @@ class BasicLandmarkTracker {
   template <class FrameT, class Keypoints, class Descriptors, class Tracks>
   void begin(const FrameT& frame, const Keypoints& keypoints, const Descriptors& descriptors, const Tracks& tracks) {
     const auto& depth = depth_of(frame);
-    using Depth = std::decay_t<decltype(depth)>;
-    check_image<Depth>();
-    expects(image_traits<Depth>::width(depth) == camera_.width && image_traits<Depth>::height(depth) == camera_.height,
+    using DepthImage = std::decay_t<decltype(depth)>;
+    check_image<DepthImage>();
+    expects(image_traits<DepthImage>::width(depth) == camera_.width && image_traits<DepthImage>::height(depth) == camera_.height,
             "LandmarkTracker::begin: the depth image must have the size of the camera");
     timestamp_ = frame.timestamp;
     const auto sigma = static_cast<float>(options_.inverse_depth_sigma);
