@@ -4,7 +4,7 @@
 
 #include <apso/refinement/blend.hpp>
 #include <apso/refinement/confidence.hpp>
-#include <apso/refinement/reference_memory.hpp>
+#include <apso/refinement/memory/reference_memory.hpp>
 #include <apso/refinement/refiner.hpp>
 
 #include "room.hpp"

@@ -10,7 +10,7 @@
 #include <apso/math/se3.hpp>
 #include <apso/observation/motion_policy.hpp>
 #include <apso/quality/assessor.hpp>
-#include <apso/refinement/frame_descriptor.hpp>
+#include <apso/refinement/memory/frame_descriptor.hpp>
 #include <apso/traits/detail.hpp>
 #include <apso/traits/pose.hpp>
 #include <apso/types/pinhole.hpp>

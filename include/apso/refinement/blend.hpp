@@ -17,7 +17,7 @@
 #include <apso/math/se3.hpp>
 #include <apso/math/symmetric.hpp>
 #include <apso/options.hpp>
-#include <apso/refinement/motion_distance.hpp>
+#include <apso/refinement/memory/motion_distance.hpp>
 #include <apso/traits/pose.hpp>
 #include <apso/types/score.hpp>
 

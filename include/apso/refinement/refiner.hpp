@@ -15,9 +15,9 @@
 #include <apso/refinement/aligner.hpp>
 #include <apso/refinement/blend.hpp>
 #include <apso/refinement/confidence.hpp>
-#include <apso/refinement/frame_descriptor.hpp>
+#include <apso/refinement/memory/frame_descriptor.hpp>
+#include <apso/refinement/memory/reference_memory.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
-#include <apso/refinement/reference_memory.hpp>
 #include <apso/refinement/refiner_options.hpp>
 #include <apso/refinement/speed_gate.hpp>
 #include <apso/status.hpp>

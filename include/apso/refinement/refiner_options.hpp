@@ -6,8 +6,8 @@
 #include <apso/refinement/alignment_options.hpp>
 #include <apso/refinement/blend.hpp>
 #include <apso/refinement/confidence.hpp>
+#include <apso/refinement/memory/reference_memory.hpp>
 #include <apso/refinement/pyramid/pyramid_options.hpp>
-#include <apso/refinement/reference_memory.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -35,12 +35,13 @@ struct RefinerOptions {
   }
 };
 
-/// Equations (12) to (17) as printed, as far as they can be computed. Of (12), M is the optical flow, which the paper calls
-/// the motion characteristic of a frame; (16) has its printed sign of the decay; (17) has the weight w_diff alone, without
-/// confidence, gates or required masks. Its sum of pose matrices is no pose: the poses are joined along their screw.
+/// Equations (12) to (17) as printed, as far as they can be computed: those of one alignment by paper_alignment(); of (12), M is
+/// the optical flow, which the paper calls the motion characteristic of a frame; (16) with its printed sign of the decay; (17)
+/// with the weight w_diff alone, without confidence, gates or required masks. The sum of pose matrices in (17) is no pose: the
+/// poses are joined along their screw.
 [[nodiscard]] inline RefinerOptions paper_refiner_options() {
   RefinerOptions o;
-  o.alignment = static_fusion_alignment();  // weights, kernel and scales of (13) to (15), which the paper takes over
+  o.alignment = paper_alignment();
   o.memory.form = DistanceForm::Sum;
   o.memory.motion = MotionForm::FlowGrid;
   o.memory.decay_form = DecayForm::Printed;

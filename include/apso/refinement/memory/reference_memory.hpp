@@ -16,8 +16,8 @@
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
 #include <apso/refinement/alignment_result.hpp>
-#include <apso/refinement/frame_descriptor.hpp>
-#include <apso/refinement/motion_distance.hpp>
+#include <apso/refinement/memory/frame_descriptor.hpp>
+#include <apso/refinement/memory/motion_distance.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
 #include <apso/traits/any.hpp>
 
