@@ -1,4 +1,4 @@
-# The minimal tracker beside apso_track, on a recording in files; and the same method without OpenCV.
+# The minimal tracker beside apso_track, on a recording in files.
 if(TARGET minimal_tracker AND TARGET apso_track AND TARGET apso_test_e2e_tracker)
   find_package(nlohmann_json REQUIRED)
   target_link_libraries(apso_test_e2e_tracker PRIVATE nlohmann_json::nlohmann_json)
@@ -6,5 +6,4 @@ if(TARGET minimal_tracker AND TARGET apso_track AND TARGET apso_test_e2e_tracker
                                                            APSO_TRACK="$<TARGET_FILE:apso_track>"
                                                            APSO_SYNTH="$<TARGET_FILE:apso_synth>")
   add_dependencies(apso_test_e2e_tracker minimal_tracker apso_track apso_synth)
-  add_test(NAME example_track_without_opencv COMMAND track_without_opencv)
 endif()
