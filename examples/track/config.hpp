@@ -35,7 +35,8 @@ inline void print_settings(const Config& config) {
   for (const apso::Parameter& p : apso::list_parameters(config)) {
     std::printf("%-62s %-16s %s\n", p.path.c_str(), p.value.c_str(), p.range.c_str());
     const auto first = p.path.find('.');
-    ++groups[p.path.substr(0, first == std::string::npos ? first : p.path.find('.', first + 1))];
+    const auto second = p.path.find('.', first + 1);
+    ++groups[p.path.substr(0, second == std::string::npos ? first : second)];
     ++count;
   }
   std::printf("\n%d settings:\n", count);
