@@ -1,11 +1,31 @@
-// Cost of the motion policy and of mask operations on 640x480 frames.
+// Cost of the motion policy and of mask operations on 640x480 frames, also when the frames are of the user's types.
 #include <benchmark/benchmark.h>
 
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include <apso/observation/policies/geometric_motion.hpp>
 #include <apso/observation/objects/object_tracker.hpp>
 #include <apso/testing/synthetic.hpp>
+#include <apso/traits/frame.hpp>
+
+/// 16-bit depth with padding, as a driver delivers it.
+struct RawDepth {
+  int width = 0;
+  int height = 0;
+  std::ptrdiff_t stride = 0;
+  std::vector<std::uint16_t> pixels;
+};
+template <>
+struct apso::image_traits<RawDepth> {
+  using value_type = std::uint16_t;
+  static int width(const RawDepth& m) { return m.width; }
+  static int height(const RawDepth& m) { return m.height; }
+  static value_type at(const RawDepth& m, int x, int y) { return row(m, y)[x]; }
+  static const value_type* row(const RawDepth& m, int y) { return m.pixels.data() + m.stride * y; }
+};
 
 namespace {
 using namespace apso;
@@ -42,6 +62,32 @@ void observe_and_remember(benchmark::State& state) {
   state.counters["views"] = static_cast<double>(motion.reference_count());
 }
 BENCHMARK(observe_and_remember)->ArgName("correct_prior")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+
+// What a policy does with every frame before it looks for motion, on depth in metres and on raw 16 bit in its own unit.
+void reduce_a_frame(benchmark::State& state) {
+  Pinhole camera;
+  const Image<float>& depth = frames(camera).back().depth;
+  RawDepth raw{depth.width(), depth.height(), depth.width() + 16, {}};
+  raw.pixels.assign(static_cast<std::size_t>(raw.stride) * static_cast<std::size_t>(raw.height), 0);
+  for (int y = 0; y < raw.height; ++y) {
+    for (int x = 0; x < raw.width; ++x) {
+      raw.pixels[static_cast<std::size_t>(raw.stride * y + x)] = static_cast<std::uint16_t>(std::lround(5000 * depth(x, y)));
+    }
+  }
+  FrameReducer reducer(camera, kMotionWidth, DepthRange{});
+  Image<float> small;
+  const RgbdFrame native{0, depth.view(), depth.view()};
+  const auto foreign = frame(0, depth, scaled(raw, 1 / 5000.0F), camera);
+  for (auto _ : state) {
+    if (state.range(0) != 0) {
+      reducer.depth(foreign, small);
+    } else {
+      reducer.depth(native, small);
+    }
+    benchmark::DoNotOptimize(small.data());
+  }
+}
+BENCHMARK(reduce_a_frame)->ArgName("raw_16_bit")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
 
 void dilate_full_size(benchmark::State& state) {
   Image<float> image(640, 480, 0.0F);

@@ -2,6 +2,7 @@
 #include <doctest/doctest.h>
 
 #include <limits>
+#include <vector>
 
 #include <apso/observation/dynamic_mask.hpp>
 
@@ -32,7 +33,8 @@ TEST_CASE("dilate equals the maximum over the square, for every radius") {
       a.data()[i] = static_cast<float>(state >> 8) / 16777216.0F;
     }
     Image<float> d = a;
-    dilate(d, radius);
+    std::vector<float> scratch;
+    dilate(d, radius, scratch);
     bool equal = true;
     for (int y = 0; y < a.height(); ++y) {
       for (int x = 0; x < a.width(); ++x) {
@@ -47,7 +49,8 @@ TEST_CASE("dilate equals the maximum over the square, for every radius") {
     CHECK(equal);
   }
   Image<float> a(3, 3, 0.0F);
-  CHECK_THROWS_AS(dilate(a, -1), contract_error);
+  std::vector<float> scratch;
+  CHECK_THROWS_AS(dilate(a, -1, scratch), contract_error);
 }
 
 TEST_CASE("combine: both know, one knows, none knows") {

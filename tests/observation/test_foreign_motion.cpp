@@ -251,6 +251,26 @@ TEST_CASE("masks from labels and detections of any type") {
   CHECK(known_ratio(m) == 0.0);
 }
 
+TEST_CASE("masks from any image: integers are labels, floats are probabilities, NaN is unknown") {
+  Image<float> p(320, 240, 0.25F);
+  p(0, 0) = 2.0F;
+  p(1, 0) = -1.0F;
+  p(2, 0) = std::numeric_limits<float>::quiet_NaN();
+  DynamicMask m;
+  mask_from_image(p, m);
+  CHECK(m.probability(0, 0) == 1.0F);
+  CHECK(m.probability(1, 0) == 0.0F);
+  CHECK(m.probability(2, 0) == 0.0F);
+  CHECK(m.known(1, 0) == 1);
+  CHECK(m.known(2, 0) == 0);
+  CHECK(m.probability(9, 9) == 0.25F);
+  const foreign::PaddedU16 percent = foreign::padded_u16(Image<float>(320, 240, 0.25F), 0.01F);
+  mask_from_image(scaled(percent, 0.01F), m);
+  CHECK(m.probability(9, 9) == doctest::Approx(0.25));
+  mask_from_image(percent, m);  // whole numbers are labels
+  CHECK(m.probability(9, 9) == 1.0F);
+}
+
 TEST_CASE("ratio and support of probabilities of any type") {
   Image<float> p(320, 240, 0.0F);
   for (int y = 0; y < 240; ++y)

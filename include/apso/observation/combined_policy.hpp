@@ -56,8 +56,6 @@ class CombinedPolicy : public PolicyOperators {
     detections_.clear();
   }
   [[nodiscard]] const std::vector<Detection>& detections() const { return detections_; }
-  [[nodiscard]] const A& first() const { return first_; }
-  [[nodiscard]] const B& second() const { return second_; }
 
  private:
   A first_;

@@ -3,10 +3,10 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 #include <apso/config.hpp>
@@ -58,6 +58,7 @@ inline void set_unknown(int width, int height, DynamicMask& out) {
 /// Largest value within a square of (2 radius + 1)^2 pixels, in place. Separable, and with a cost that hardly
 /// depends on the radius (van Herk, Pattern Recognition Letters 1992; Gil & Werman, PAMI 1993).
 /// \param radius [px], >= 0
+/// \param scratch buffer
 template <class T>
 void dilate(Image<T>& image, int radius, std::vector<T>& scratch) {
   expects(radius >= 0, "dilate: negative radius");
@@ -101,18 +102,12 @@ void dilate(Image<T>& image, int radius, std::vector<T>& scratch) {
   }
   for (int y = 0; y < h; ++y) max_rows(row_of(down, y), row_of(up, y + 2 * radius), image.row(y));
 }
-template <class T>
-void dilate(Image<T>& image, int radius) {
-  std::vector<T> scratch;
-  dilate(image, radius, scratch);
-}
 
 /// How two masks become one.
 enum class MaskCombination {
   Union,   ///< 1 - (1-a)(1-b): dynamic when either says so (independent evidence)
   Product  ///< a b: dynamic only when both say so, e.g. "a person" and "it moves"
 };
-constexpr std::array<const char*, 2> enum_names(MaskCombination) { return {"union", "product"}; }
 
 /// Combines `other` into `mask`. Where only one of them knows, that one decides; where neither does, Union takes
 /// the larger and Product the smaller guess, and the pixel stays unknown.
@@ -147,6 +142,33 @@ inline void mask_from_labels(const AnyImage& labels, DynamicMask& out) {
     float* p = out.probability.row(y);
     labels.read_row(y, p, 1.0F);
     for (int x = 0; x < labels.width(); ++x) p[x] = p[x] < 0.0F || p[x] > 0.0F ? 1.0F : 0.0F;  // NaN is no label
+  }
+}
+
+/// Mask from an image of dynamic probabilities of any type, [0,1]; a pixel that is NaN is unknown.
+inline void mask_from_probability(const AnyImage& probability, DynamicMask& out) {
+  expects(!probability.empty(), "mask_from_probability: empty image");
+  out.probability.resize(probability.width(), probability.height());
+  out.known.resize(probability.width(), probability.height());
+  for (int y = 0; y < probability.height(); ++y) {
+    float* p = out.probability.row(y);
+    std::uint8_t* known = out.known.row(y);
+    probability.read_row(y, p, 1.0F);
+    for (int x = 0; x < probability.width(); ++x) {
+      known[x] = p[x] == p[x] ? 1 : 0;
+      p[x] = p[x] > 0.0F ? std::min(p[x], 1.0F) : 0.0F;
+    }
+  }
+}
+
+/// Mask from any image: integers are labels (nonzero = dynamic), floating point numbers are probabilities.
+template <class ImageT>
+void mask_from_image(const ImageT& image, DynamicMask& out) {
+  check_image<ImageT>();
+  if constexpr (std::is_integral_v<typename image_traits<ImageT>::value_type>) {
+    mask_from_labels(image, out);
+  } else {
+    mask_from_probability(image, out);
   }
 }
 

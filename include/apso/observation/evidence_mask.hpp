@@ -81,10 +81,10 @@ inline void reduce_mask(const DynamicMask& mask, int factor, int width, int heig
 
 /// Which evidence becomes a region, and how far it reaches. All policies that work at low resolution share these rules.
 struct RegionRules {
-  int reach = 12;             ///< steps a region grows over pixels that may join [small px]: a quarter of a person at 2 m
-  float depth_span = 0.4F;    ///< ... and over which depth difference to its seed [m]: the thickness of a body
+  int reach = 12;             ///< steps a region grows over pixels that may join [small px]: a tenth of a person at 2 m
+  float depth_span = 0.4F;    ///< ... and over which depth difference to its seed [m]: a body with its arms
   int min_pixels = 24;        ///< smaller regions are dropped [small px]: noise of the sensor at edges
-  float min_area = 0.015F;    ///< regions that are smaller in the world are dropped [m^2]: less than a hand and forearm
+  float min_area = 0.015F;    ///< regions that are smaller in the world are dropped [m^2]: about half a forearm
   int dilation = 4;           ///< the mask is widened by this [px], for what blurs across the border
 };
 

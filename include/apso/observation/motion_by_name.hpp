@@ -48,8 +48,11 @@ struct MotionOptions {
   }
 };
 
-/// The policies of the core. Camera and options must outlive the table.
-[[nodiscard]] inline PolicyTable motion_table(const Pinhole& camera, const MotionOptions& options) {
+/// The policies of the core. Camera and options must outlive the table. A template, so that only who asks for names pays for
+/// compiling all policies.
+/// \tparam OptionsT MotionOptions, or what derives from it
+template <class OptionsT>
+[[nodiscard]] PolicyTable motion_table(const Pinhole& camera, const OptionsT& options) {
   using Any = AnyMotionPolicy;
   PolicyTable t;
   const auto geometric = [&] { return GeometricMotion(camera, options.geometric); };
@@ -76,8 +79,9 @@ struct MotionOptions {
 /// The policy that an expression such as "geometric | residual" describes; see policy_expression.hpp.
 /// \param own policies of yours by name; they come before those of the core
 /// Throws contract_error for an expression or name that is wrong.
-[[nodiscard]] inline AnyMotionPolicy motion_by_name(const std::string& expression, const Pinhole& camera,
-                                                    const MotionOptions& options = {}, PolicyTable own = {}) {
+template <class OptionsT = MotionOptions>
+[[nodiscard]] AnyMotionPolicy motion_by_name(const std::string& expression, const Pinhole& camera, const OptionsT& options = {},
+                                             PolicyTable own = {}) {
   for (NamedPolicy& entry : motion_table(camera, options)) own.push_back(std::move(entry));
   return parse_policy(expression, own);
 }

@@ -57,7 +57,7 @@ const Observation& BasicPipeline<P, M, A, R>::observe(const FrameT& frame, const
     combine(external_, MaskCombination::Union, observation_.mask);
   }
   observation_.informative =
-      given_mask != nullptr || given_detections != nullptr || detail::knows_something(observation_.mask);
+      given_mask != nullptr || given_detections != nullptr || known_ratio(observation_.mask) > 0;
   observation_.objects = objects_.update(observation_.mask, work_.frame().depth, *found, listed_tracks);
   observation_.dynamic_ratio = dynamic_ratio(observation_.mask);
   work_.forget_colour();
@@ -77,7 +77,7 @@ void BasicPipeline<P, M, A, R>::join_mask(const Mask& mask) {
   } else if constexpr (!is_none_v<Mask>) {
     check_image<Mask>();
     check(image_traits<Mask>::width(mask), image_traits<Mask>::height(mask));
-    detail::read_mask(mask, external_);
+    mask_from_image(mask, external_);
     combine(external_, MaskCombination::Union, observation_.mask);
   }
 }

@@ -3,14 +3,11 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <type_traits>
 #include <vector>
 
 #include <apso/config.hpp>
-#include <apso/observation/dynamic_mask.hpp>
 #include <apso/traits/frame.hpp>
 #include <apso/traits/ranges.hpp>
 #include <apso/traits/rows.hpp>
@@ -81,35 +78,6 @@ class WorkingCopy {
   std::vector<Detection> detections_;
   std::vector<Image<std::uint8_t>> masks_;
 };
-
-/// Any image as a mask: integers say dynamic where they are not 0, floats are probabilities, unknown where NaN.
-template <class ImageT>
-void read_mask(const ImageT& image, DynamicMask& out) {
-  using Traits = image_traits<ImageT>;
-  using Value = typename Traits::value_type;
-  const int width = Traits::width(image);
-  const int height = Traits::height(image);
-  out.probability.resize(width, height);
-  out.known.assign(width, height, 1);
-  for (int y = 0; y < height; ++y) {
-    float* p = out.probability.row(y);
-    read_row(image, y, p);
-    for (int x = 0; x < width; ++x) {
-      if constexpr (std::is_integral_v<Value>) {
-        p[x] = p[x] != 0.0F ? 1.0F : 0.0F;
-      } else {
-        if (std::isnan(p[x])) out.known(x, y) = 0;
-        p[x] = p[x] > 0.0F ? std::min(p[x], 1.0F) : 0.0F;  // NaN becomes 0
-      }
-    }
-  }
-}
-
-/// Some pixel of the mask has evidence.
-[[nodiscard]] inline bool knows_something(const DynamicMask& mask) {
-  const std::uint8_t* known = mask.known.data();
-  return std::any_of(known, known + mask.known.size(), [](std::uint8_t k) { return k != 0; });
-}
 
 }  // namespace detail
 APSO_NAMESPACE_END

@@ -63,17 +63,12 @@ struct DepthSpan {
 inline void flow_residuals(const std::vector<PointTrack>& tracks, const Pinhole& camera, const Pose& T_current_previous,
                            const Image<float>& previous_depth, int factor, std::vector<FlowPoint>& points) {
   points.clear();
-  const auto f = static_cast<float>(factor);
   for (const PointTrack& t : tracks) {
     if (t.age < 1) continue;
-    const float px = (t.previous_x + 0.5F) / f;
-    const float py = (t.previous_y + 0.5F) / f;
-    if (!(px >= 0 && py >= 0 && px < static_cast<float>(previous_depth.width()) &&
-          py < static_cast<float>(previous_depth.height())))
-      continue;
-    const int ix = static_cast<int>(px);
-    const int iy = static_cast<int>(py);
-    if (!(previous_depth(ix, iy) > 0)) continue;
+    const int pixel = small_pixel(t.previous_x, t.previous_y, factor, previous_depth.width(), previous_depth.height());
+    if (pixel < 0 || !(previous_depth.data()[pixel] > 0)) continue;
+    const int ix = pixel % previous_depth.width();
+    const int iy = pixel / previous_depth.width();
     // a feature on an edge may belong to either surface: it is as static as its better half
     const DepthSpan span = depth_span_3x3(previous_depth, ix, iy);
     FlowPoint point{t.x, t.y, 0, 0, std::numeric_limits<float>::infinity(), 0, span.inside_surface, false};

@@ -42,26 +42,17 @@ struct FreeSpaceEvidence {
   }
 };
 
-/// How one past view compares with the current one, as shares of the current points that fall on its surfaces.
-struct ViewComparison {
-  int seen = 0;      ///< points that fall on a valid pixel of the past view
-  int same = 0;      ///< ... and agree with a static surface
-  int in_front = 0;  ///< ... and are in space that was free
-  int behind = 0;    ///< ... and are behind a surface that was static
-  double trust = 0;  ///< [0,1]; low when the differences look like a wrong pose
-};
-
 /// Adds what one past view says about the current depth.
 ///
 /// A wrong pose puts as many points behind static surfaces as in front of them, a moving object does not: it hides
 /// what is behind it. So the trust in a view falls with the share of points behind its static surfaces.
 /// \param T_world_camera pose of the current view
 /// \param votes scratch, resized to the image
-inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole& camera, const Pose& T_world_camera,
-                                        double time, const DepthReference& reference, Image<float>& votes,
-                                        FreeSpaceEvidence& evidence) {
+inline void compare_with_view(const Image<float>& depth, const Pinhole& camera, const Pose& T_world_camera, double time,
+                              const DepthReference& reference, Image<float>& votes, FreeSpaceEvidence& evidence) {
   enum : int { kSameStatic = -1, kSameDynamic = -2 };
-  // What separates "the same surface" from "in front of it"; measured with apso_motion on walking and static sequences.
+  // What separates "the same surface" from "in front of it"; what it does on walking and static sequences is measured with
+  // apso_motion (docs/observation.md).
   constexpr float kTolerance = 0.07F;   // smallest depth difference that counts [m]
   constexpr float kSigmas = 3.5F;       // ... in standard deviations of the difference of two depths
   constexpr float kDrift = 0.01F;       // slack for the error between the two poses, per second between the views [m/s]
@@ -79,7 +70,8 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
   const float age = static_cast<float>(std::abs(time - reference.time));
   const float slack = std::min(kDriftLimit, kDrift * age);
 
-  ViewComparison result;
+  int same = 0;    // points that agree with a static surface of the past view
+  int behind = 0;  // points behind such a surface
   const float ifx = 1.0F / fx;
   for (int y = 0; y < h; ++y) {
     const float* z = depth.row(y);
@@ -103,23 +95,20 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
       if (!(nearest > 0)) continue;
       // both depths have about this noise where the answer is close
       const float tau = std::max(kTolerance, kSigmas * 1.41421356F * depth_sigma(std::max(pz, nearest))) + slack;
-      ++result.seen;
       const bool was_dynamic = reference.dynamic(iu, iv) != 0;
       if (pz < nearest - tau) {
         vote[x] = 0.5F + 0.5F * std::min(1.0F, (nearest - tau - pz) / tau);
-        ++result.in_front;
       } else if (pz <= reference.limits.farthest(iu, iv) + tau) {
         vote[x] = was_dynamic ? static_cast<float>(kSameDynamic) : static_cast<float>(kSameStatic);
-        result.same += was_dynamic ? 0 : 1;
+        same += was_dynamic ? 0 : 1;
       } else {
-        result.behind += was_dynamic ? 0 : 1;
+        behind += was_dynamic ? 0 : 1;
       }
     }
   }
-  const double judged = result.same + result.behind;
-  const double wrong = judged > 0 ? result.behind / judged : 0.0;
-  result.trust = std::clamp((0.6 - wrong) / 0.3, 0.0, 1.0);
-  const auto weight = static_cast<float>(result.trust);
+  const double judged = same + behind;
+  const double wrong = judged > 0 ? behind / judged : 0.0;
+  const auto weight = static_cast<float>(std::clamp((0.6 - wrong) / 0.3, 0.0, 1.0));  // the trust in the view
   const float settled = std::clamp(age / kSettle, 0.1F, 1.0F);
   if (weight > 0) {
     for (std::size_t i = 0; i < votes.size(); ++i) {
@@ -133,7 +122,6 @@ inline ViewComparison compare_with_view(const Image<float>& depth, const Pinhole
       }
     }
   }
-  return result;
 }
 
 APSO_NAMESPACE_END

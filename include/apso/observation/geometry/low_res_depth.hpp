@@ -31,6 +31,15 @@ APSO_NAMESPACE_BEGIN
           std::max(1, camera.height / factor)};
 }
 
+/// Index of the small pixel that shows a point of the frame [px]; -1 outside of the image, and for a point that is nowhere.
+[[nodiscard]] inline int small_pixel(float x, float y, int factor, int width, int height) {
+  const auto f = static_cast<float>(factor);
+  const float u = (x + 0.5F) / f;
+  const float v = (y + 0.5F) / f;
+  const bool inside = u >= 0 && v >= 0 && u < static_cast<float>(width) && v < static_cast<float>(height);  // false for NaN
+  return inside ? static_cast<int>(v) * width + static_cast<int>(u) : -1;
+}
+
 /// Difference in depth below which two samples of a block belong to one surface [m].
 [[nodiscard]] inline float same_surface(float z) { return 0.03F + 4.0F * depth_sigma(z); }
 

@@ -19,8 +19,8 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Width of the images on which motion is looked for [px]. A person at 4 m is 20 px wide there, and one frame costs
-/// milliseconds.
+/// Width of the images on which motion is looked for [px]. A person at 4 m is 16 px wide there, and a frame takes about
+/// 5 ms (docs/observation.md).
 inline constexpr int kMotionWidth = 160;
 
 /// One frame, reduced by a whole factor.

@@ -39,9 +39,8 @@ inline void claim_surfaces(const std::vector<FlowPoint>& points, const Image<flo
   const int w = depth.width();
   const int h = depth.height();
   const auto pixel = [&](const FlowPoint& p) {
-    const int x = static_cast<int>((p.x + 0.5F) / static_cast<float>(factor));
-    const int y = static_cast<int>((p.y + 0.5F) / static_cast<float>(factor));
-    return p.x >= 0 && p.y >= 0 && x < w && y < h && depth(x, y) > 0 ? y * w + x : -1;
+    const int i = small_pixel(p.x, p.y, factor, w, h);
+    return i >= 0 && depth.data()[i] > 0 ? i : -1;
   };
   claims.assign(w, h, 0);
   scratch.origin.resize(w, h);

@@ -22,7 +22,7 @@
 APSO_NAMESPACE_BEGIN
 
 struct ObjectTrackerOptions {
-  int min_pixels = 600;       ///< smaller regions of the mask are no objects [px]: a person at 6 m has about twice that
+  int min_pixels = 600;       ///< smaller regions of the mask are no objects [px]: a tenth of a person at 6 m
   double depth_gap = 0.25;    ///< regions are cut where neighbouring depths differ by more [m]: the depth of a body
   int max_missed = 10;        ///< frames an identity is kept without being seen: a third of a second
   double keep = 0.6;          ///< share of its past motion probability an object keeps per frame

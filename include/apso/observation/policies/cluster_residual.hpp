@@ -58,9 +58,6 @@ class ClusterResidual : public PolicyOperators {
     rest_.clear();
   }
 
-  [[nodiscard]] const PointClusters& clusters() const { return clusters_; }
-  /// Probability of rest of each cluster of the last frame, [0,1]; empty before there was a past frame.
-  [[nodiscard]] const std::vector<float>& rest() const { return rest_; }
 
  private:
   static constexpr int kColumns = 6;              // clusters across: 24 in all, as many as Joint-VO-SF uses

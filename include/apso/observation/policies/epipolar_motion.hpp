@@ -117,11 +117,8 @@ class EpipolarMotion : public PolicyOperators {
     return best;
   }
   [[nodiscard]] float depth_at(float x, float y) const {
-    const auto f = static_cast<float>(reducer_.factor());
-    const float u = (x + 0.5F) / f;
-    const float v = (y + 0.5F) / f;
-    const bool inside = u >= 0 && v >= 0 && u < static_cast<float>(depth_.width()) && v < static_cast<float>(depth_.height());
-    return inside ? depth_(static_cast<int>(u), static_cast<int>(v)) : 0.0F;
+    const int i = small_pixel(x, y, reducer_.factor(), depth_.width(), depth_.height());
+    return i >= 0 ? depth_.data()[i] : 0.0F;
   }
   void keep(const std::vector<PointTrack>& tracks, const Pose& T_world_camera) {
     while (history_.size() > 1 && (history_.size() >= kMaximum || clock_.now() - history_[1].time >= options_.span)) {
@@ -194,9 +191,11 @@ class EpipolarMotion : public PolicyOperators {
       if (distance_[k] < 0) continue;
       const double d2 = distance_[k] * distance_[k];
       const auto p = static_cast<float>(d2 / (d2 + m2));
-      const auto x = static_cast<int>((pairs_[k].current.x() + 0.5) / factor);
-      const auto y = static_cast<int>((pairs_[k].current.y() + 0.5) / factor);
-      if (x < 0 || y < 0 || x >= w || y >= h || !(depth_(x, y) > 0)) continue;
+      const Eigen::Vector2d& point = pairs_[k].current;
+      const int pixel = small_pixel(static_cast<float>(point.x()), static_cast<float>(point.y()), factor, w, h);
+      if (pixel < 0 || !(depth_.data()[pixel] > 0)) continue;
+      const int x = pixel % w;
+      const int y = pixel / w;
       const float z = depth_(x, y);
       for (int j = std::max(0, y - reach); j <= std::min(h - 1, y + reach); ++j) {
         for (int i = std::max(0, x - reach); i <= std::min(w - 1, x + reach); ++i) {

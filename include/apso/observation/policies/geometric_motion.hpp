@@ -34,7 +34,7 @@ APSO_NAMESPACE_BEGIN
 struct GeometricMotionOptions {
   int width = kMotionWidth;       ///< width of the images that are worked on [px]; the frame is reduced by a whole factor
   DepthRange depth;               ///< depth that is used
-  int references = 12;            ///< past views that are kept; each costs about 0.2 ms per frame
+  int references = 12;            ///< past views that are kept and compared with every frame
   double memory = 6.0;            ///< age at which a view is dropped [s]; what stands still that long is static again
   bool correct_prior = true;      ///< register the background first, to take the error out of the pose prior
   double flow_residual = 3.0;     ///< a track this far from its static prediction is moving [px]
@@ -91,8 +91,6 @@ class GeometricMotion : public PolicyOperators {
     memory_.forget(clock_.now());
     observed_ = true;
     refined_ = prior;
-    registration_ = BackgroundRegistration{};
-    registration_.T_world_camera = prior;
     evidence_.clear(small().width, small().height);
     if (memory_.views().empty()) {
       maker_.start(small().width, small().height);
@@ -149,12 +147,7 @@ class GeometricMotion : public PolicyOperators {
 
   /// Pose of the last observed frame after registration of the background; the prior where that failed.
   [[nodiscard]] Pose refined_prior() const { return refined_; }
-  /// How that registration ended.
-  [[nodiscard]] const BackgroundRegistration& registration() const { return registration_; }
-  /// Small images of the last observed frame: depth, evidence, labels before they are widened.
-  [[nodiscard]] const Image<float>& depth() const { return depth_; }
-  [[nodiscard]] const FreeSpaceEvidence& evidence() const { return evidence_; }
-  [[nodiscard]] const Image<std::uint8_t>& labels() const { return maker_.labels(); }
+  /// Past views that are kept.
   [[nodiscard]] std::size_t reference_count() const { return memory_.views().size(); }
 
  private:
@@ -193,16 +186,11 @@ class GeometricMotion : public PolicyOperators {
       }
       if (best != nullptr) chosen_.push_back(best);
     }
-    registration_ = register_background(depth_, small(), refined_, chosen_);
+    const BackgroundRegistration found = register_background(depth_, small(), refined_, chosen_);
     // People who fill the view can outweigh the background in depth; the tracks say whose motion was found. They lose
     // little by a correction of the pose, and most of their support when the motion is another body's.
     const double before = support(refined_);
-    if (support(registration_.T_world_camera) >= 0.7 * before) {
-      refined_ = registration_.T_world_camera;
-    } else {
-      registration_.status = Status::Diverged;
-      registration_.T_world_camera = refined_;
-    }
+    if (support(found.T_world_camera) >= 0.7 * before) refined_ = found.T_world_camera;
   }
 
   // Tracks that agree with a pose of the camera.
@@ -305,7 +293,6 @@ class GeometricMotion : public PolicyOperators {
   RegionScratch scratch_;
 
   Pose refined_ = Pose::Identity();
-  BackgroundRegistration registration_;
 };
 
 APSO_NAMESPACE_END

@@ -82,13 +82,8 @@ class MaskPropagation : public PolicyOperators {
   static constexpr float kDepthGate = 0.2F;     // a pixel stays in the region if its depth changed by less than this [m]
   static constexpr float kDepthGap = 0.25F;     // regions are cut where neighbouring depths differ by more [m]
 
-  [[nodiscard]] int small_pixel(float x, float y) const {
-    const auto f = static_cast<float>(reducer_.factor());
-    const float u = (x + 0.5F) / f;
-    const float v = (y + 0.5F) / f;
-    const Pinhole& small = reducer_.small();
-    if (!(u >= 0 && v >= 0 && u < static_cast<float>(small.width) && v < static_cast<float>(small.height))) return -1;
-    return static_cast<int>(v) * small.width + static_cast<int>(u);
+  [[nodiscard]] int pixel_of(float x, float y) const {
+    return small_pixel(x, y, reducer_.factor(), reducer_.small().width, reducer_.small().height);
   }
 
   /// A region of the mask at the last look, and where it has gone since.
@@ -141,8 +136,8 @@ class MaskPropagation : public PolicyOperators {
       dv_.clear();
       dz_.clear();
       for (const PointTrack& t : tracks) {
-        const int from = t.age >= 1 ? small_pixel(t.previous_x, t.previous_y) : -1;
-        const int to = from >= 0 ? small_pixel(t.x, t.y) : -1;
+        const int from = t.age >= 1 ? pixel_of(t.previous_x, t.previous_y) : -1;
+        const int to = from >= 0 ? pixel_of(t.x, t.y) : -1;
         if (to < 0 || region_.data()[from] != static_cast<int>(k) + 1) continue;
         du_.push_back(t.x - t.previous_x);
         dv_.push_back(t.y - t.previous_y);
@@ -189,7 +184,7 @@ class MaskPropagation : public PolicyOperators {
       du_.clear();
       dv_.clear();
       for (const PointTrack& t : tracks) {
-        const int from = t.age >= 1 ? small_pixel(t.previous_x, t.previous_y) : -1;
+        const int from = t.age >= 1 ? pixel_of(t.previous_x, t.previous_y) : -1;
         if (from < 0 || region_.data()[from] == 0) continue;  // only tracks on the object itself, not beside it
         const bool in = t.previous_x >= d.box.x && t.previous_y >= d.box.y && t.previous_x < d.box.x + d.box.width &&
                         t.previous_y < d.box.y + d.box.height;

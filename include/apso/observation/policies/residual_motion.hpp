@@ -48,17 +48,14 @@ class ResidualMotion : public PolicyOperators {
     const auto compare = [this](const SmallFrame& current, const SmallFrame& past, const Pose& T_prior,
                                 Image<float>& probability, Image<std::uint8_t>& known) {
       const Pinhole& camera = comparison_.small_camera();
-      alignment_ = align_low_res(current, past, camera, T_prior, nullptr, kIterations, scratch_);
-      read_residuals(current, past, camera, alignment_.T_past_current);
+      const LowResAlignment found = align_low_res(current, past, camera, T_prior, nullptr, kIterations, scratch_);
+      read_residuals(current, past, camera, found.T_past_current);
       average(current.depth, probability, known);
     };
     comparison_.observe(frame, T_world_camera_prior, compare, out);
   }
   void remember(const AnyFrame&, const AnyPose& T_world_camera, const DynamicMask&) { comparison_.remember(T_world_camera); }
   void reset() { comparison_.reset(); }
-
-  /// How the alignment of the last frame ended.
-  [[nodiscard]] const LowResAlignment& alignment() const { return alignment_; }
 
  private:
   static constexpr int kIterations = 8;  // of the alignment, from a prior that may be off by centimetres
@@ -113,7 +110,6 @@ class ResidualMotion : public PolicyOperators {
 
   double moving_;
   PastComparison comparison_;
-  LowResAlignment alignment_;
   Image<float> squared_;
   std::vector<float> scratch_;
 };
