@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <apso/io/parameters.hpp>
+#include <apso/pipeline/paper_options.hpp>
 
 #include "config.hpp"
 
@@ -46,11 +47,7 @@ inline std::vector<Variant> fixed_variants() {
       {"cumulative_base", "W_base falls from frame to frame, as printed", {{decision("base_weight"), "cumulative"}}, ""},
       {"literal_thresholds", "th_s by the printed recursion", {{assessor("initialisation.quality_threshold"), "literal"}}, ""},
       {"first_passing", "the first frame that passes is the reference", {{assessor("initialisation.initial_frame"), "first_passing"}}, ""},
-      {"paper", "all of the printed forms together",
-       {{decision("polarity"), "literal"}, {decision("base_weight"), "cumulative"}, {assessor("initialisation.quality_threshold"), "literal"},
-        {assessor("benchmark.update"), "number_only"}, {assessor("benchmark.hand_over"), "false"}, {assessor("benchmark.half_life"), ".inf"},
-        {assessor("benchmark.max_age"), ".inf"}, {assessor("feature.sharpness"), "false"}, {assessor("dynamic_ratio"), "count"},
-        {assessor("confidence.without_objects"), "zero"}}, ""},
+      {"paper", "equations (1) to (17) as printed: paper_options()", {}, ""},
       {"previous_baseline", "change against the frame before", {{assessor("change_baseline"), "previous"}}, ""},
       {"residual_flow", "S_mc without the camera's own motion", {{assessor("motion_change.flow"), "residual"}}, ""},
       {"homography_flow", "S_mc without what a homography explains", {{assessor("motion_change.flow"), "homography"}}, ""},
@@ -111,6 +108,7 @@ inline void drop_weight(Config& config, const std::string& path) {
 
 /// The settings of a variant of `config`. Throws io_error when a setting does not exist or does not take the value.
 inline Config changed(Config config, const Variant& variant) {
+  if (variant.name == "paper") config.pipeline = apso::paper_options();
   for (const auto& [path, value] : variant.settings) apso::set_parameter(config, path, value);
   if (!variant.without.empty()) drop_weight(config, variant.without);
   apso::validate(config, variant.name);

@@ -62,6 +62,7 @@
 #include <apso/observation/semantic_gate.hpp>
 #include <apso/observation/soft_weights.hpp>
 #include <apso/options.hpp>
+#include <apso/pipeline/paper_options.hpp>
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/pipeline/report.hpp>
 #include <apso/pipeline/requirements.hpp>

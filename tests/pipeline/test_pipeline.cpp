@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include <apso/pipeline/paper_options.hpp>
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/testing/synthetic.hpp>
 
@@ -183,4 +184,25 @@ TEST_CASE("wrong calls are refused") {
   PipelineOptions o;
   o.assessor.decision.th_differ = 2;
   CHECK_THROWS_AS(Pipeline(camera, o), contract_error);
+}
+
+TEST_CASE("the paper as one setting: valid, unlike the defaults in every module, and it runs to the end") {
+  PipelineOptions paper = paper_options();
+  const PipelineOptions defaults;
+  CHECK(paper.assessor.decision.polarity != defaults.assessor.decision.polarity);                  // (6)
+  CHECK(paper.assessor.benchmark.hand_over != defaults.assessor.benchmark.hand_over);              // (10)
+  CHECK(paper.refiner.memory.form != defaults.refiner.memory.form);                                // (12)
+  CHECK(paper.refiner.alignment.illumination != defaults.refiner.alignment.illumination);          // (13)
+  CHECK(paper.refiner.alignment.alpha_place != defaults.refiner.alignment.alpha_place);            // (15)
+  CHECK(paper.refiner.memory.decay_form != defaults.refiner.memory.decay_form);                    // (16)
+  CHECK(paper.refiner.blend.weight != defaults.refiner.blend.weight);                              // (17)
+  CHECK_NOTHROW(validate(paper, "paper"));
+  paper.assessor.initialisation.frames = 5;
+  Host host("static_xyz", 0, paper);
+  for (int i = 0; i < 12; ++i) host.step(i);
+  Twist off = Twist::Zero();
+  off.head<3>() << 0.02, -0.01, 0.01;
+  const FrameReport& r = host.step(12, se3_exp(off), true, 0.0F);
+  CHECK(r.state != SceneState::Initialising);
+  CHECK(is_finite(r.T_world_camera));
 }
