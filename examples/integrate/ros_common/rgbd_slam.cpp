@@ -6,7 +6,7 @@
 #include <apso/opencv/drawing.hpp>
 #include <apso/opencv/feature_tracker.hpp>
 #include <apso/pipeline/pipeline.hpp>
-#include <apso/traits/image.hpp>
+#include <apso/traits/frame.hpp>
 
 namespace apso_ros {
 
@@ -21,7 +21,6 @@ struct RgbdSlam::State {
   SlamSettings settings;
   apso::Pipeline pipeline;
   apso::opencv::FeatureTracker tracker;
-  apso::Image<float> intensity;
 };
 
 RgbdSlam::RgbdSlam(const apso::Pinhole& camera, const SlamSettings& settings) : state_(std::make_unique<State>(camera, settings)) {}
@@ -29,8 +28,7 @@ RgbdSlam::~RgbdSlam() = default;
 
 SlamFrame RgbdSlam::process(double timestamp, const apso::Image<std::uint8_t>& grey, const apso::Image<float>& depth) {
   State& s = *state_;
-  apso::copy_to_float(grey, 1.0 / 255, s.intensity);
-  const apso::RgbdFrame frame{timestamp, s.intensity, depth};
+  const auto frame = apso::frame(timestamp, grey, depth, s.pipeline.camera());
   const cv::Mat grey_mat = apso::opencv::as_mat(grey.view());
 
   // [frame]
