@@ -1,0 +1,103 @@
+// The pipeline copies a frame once, into memory that it keeps: foreign images cost no allocation of the size of an image.
+#include <cstddef>
+#include <cstdlib>
+#include <new>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include <apso/pipeline/pipeline.hpp>
+#include <apso/testing/synthetic.hpp>
+#include <apso/traits/frame.hpp>
+
+#include "../foreign_types.hpp"
+
+using namespace apso;
+
+namespace {
+constexpr int kWidth = 320;
+constexpr int kHeight = 240;
+constexpr std::size_t kImage = kWidth * kHeight;  // bytes of the smallest image of this size
+bool counting = false;
+int images = 0;             // allocations of the size of an image
+std::size_t bytes = 0;     // bytes in them
+}  // namespace
+
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // inlined, GCC 12 takes the free() below for a mistake
+#endif
+void* operator new(std::size_t n) {
+  if (counting && n >= kImage) {
+    ++images;
+    bytes += n;
+  }
+  if (void* p = std::malloc(n == 0 ? 1 : n)) return p;
+  std::abort();
+}
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+
+namespace {
+template <class F>
+void count(const F& f) {
+  images = 0;
+  bytes = 0;
+  counting = true;
+  f();
+  counting = false;
+}
+testing::SyntheticSequence sequence() {
+  testing::SyntheticOptions o;
+  o.width = kWidth;
+  o.height = kHeight;
+  return testing::SyntheticSequence("static_xyz", o);
+}
+}  // namespace
+
+TEST_CASE("the working copy is two images of float, made once") {
+  const testing::SyntheticSequence s = sequence();
+  testing::SyntheticFrame image;
+  s.render(0, image);
+  const foreign::AtOnly grey = foreign::at_only(image.intensity);
+  const foreign::PaddedU16 raw = foreign::padded_u16(image.depth, 1 / 5000.0F);
+  const auto now = frame(0, grey, scaled(raw, 1 / 5000.0F), s.camera());
+  detail::WorkingCopy work;
+  count([&] { work.take(now, kWidth, kHeight); });
+  CHECK(images == 2);
+  CHECK(bytes == 2 * sizeof(float) * kImage);
+  count([&] { work.take(now, kWidth, kHeight); });
+  CHECK(images == 0);
+}
+
+TEST_CASE("a pipeline that is warm allocates no image, whatever the types of the host") {
+  const testing::SyntheticSequence s = sequence();
+  PipelineOptions options;
+  options.assessor.initialisation.frames = 5;
+  BasicPipeline<foreign::DualQuaternionPose> pipeline(s.camera(), options);
+  testing::SyntheticFrame image;
+  std::vector<Keypoint> keypoints;
+  for (int y = 5; y < kHeight; y += 10) {
+    for (int x = 5; x < kWidth; x += 10) keypoints.push_back({static_cast<float>(x), static_cast<float>(y), 30, 0, 0});
+  }
+  const std::vector<foreign::Corner> good = foreign::corners(keypoints);
+  for (Keypoint& k : keypoints) k.response = 0;
+  const std::vector<foreign::Corner> weak = foreign::corners(keypoints);
+  bool refined = false;
+  for (int i = 0; i < 40; ++i) {
+    s.render(i, image);
+    const foreign::AtOnly grey = foreign::at_only(image.intensity);
+    const foreign::PaddedU16 raw = foreign::padded_u16(image.depth, 1 / 5000.0F);
+    const auto T = from_pose<foreign::DualQuaternionPose>(image.T_world_camera);
+    const bool bad = i % 10 >= 8;  // some frames are BAD, so that each module has met its work before
+    count([&] {
+      pipeline.observe(frame(image.timestamp, grey, scaled(raw, 1 / 5000.0F), s.camera()), T);
+      pipeline.assess(bad ? weak : good, none, {T, T, true});
+      pipeline.conclude();
+    });
+    refined = refined || pipeline.report().refined;
+    // the memory of references grows until it is full: it keeps pixels, not images of the host
+    const bool remembered = pipeline.report().keyframe_allowed;
+    if (i >= 30 && !remembered) CHECK(images == 0);
+  }
+  CHECK(refined);
+}
