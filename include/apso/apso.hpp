@@ -116,6 +116,9 @@
 #include <apso/refinement/memory/reference_memory.hpp>
 #include <apso/refinement/pyramid/first_level.hpp>
 #include <apso/refinement/pyramid/pixel_block.hpp>
+#include <apso/refinement/solver/aligner_core.hpp>
+#include <apso/refinement/solver/degeneracy.hpp>
+#include <apso/refinement/solver/level_solver.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/pixel_selector.hpp>
 #include <apso/refinement/pyramid/plane.hpp>

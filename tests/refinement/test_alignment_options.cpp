@@ -126,7 +126,79 @@ TEST_CASE("every policy aligns") {
   o.regions = false;
   o.prealign_rotation = false;
   check(o, .003);
+  for (const ScaleCoupling coupling : {ScaleCoupling::Joint, ScaleCoupling::BivariateT}) {
+    o = {};
+    o.coupling = coupling;
+    check(o, .003);
+  }
+  o = {};
+  o.alpha_place = AlphaPlace::Inside;
+  check(o, .003);
   check(static_fusion_alignment(), .02);
+  check(paper_alignment(), .02);
+}
+
+namespace {
+// As a user writes them.
+struct OwnKernel {
+  template <class T>
+  T weight(const T& s2) const {
+    return kernels::Cauchy{1.5}.weight(s2);
+  }
+  template <class T>
+  T rho(const T& s2) const {
+    return kernels::Cauchy{1.5}.rho(s2);
+  }
+};
+struct OwnNoise {
+  NoiseModel model;
+  template <class T>
+  T squared_weight_intensity(const NoiseInput<T>& p) const {
+    return model.squared_weight_intensity(p);
+  }
+  template <class T>
+  T squared_weight_depth(const NoiseInput<T>& p) const {
+    return model.squared_weight_depth(p);
+  }
+};
+}  // namespace
+
+TEST_CASE("an aligner of a user's kernel and noise model gives what those of apso with the same formulas give") {
+  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(kCamera, kTruth, {}, 2);
+  FramePyramid reference, current;
+  reference.build(r.view(), kCamera, {}, full_size().pyramid, PyramidRole::Reference);
+  current.build(c.view(), kCamera, {}, full_size().pyramid, PyramidRole::Current);
+  AlignmentOptions options;
+  options.kernel.k = 1.5;
+  DirectAligner usual(options);
+  BasicDirectAligner<OwnKernel, OwnNoise> own(options);
+  BasicDirectAligner<OwnKernel, OwnNoise> moved(own);  // refers to nothing of the one it is a copy of
+  const AlignmentResult a = usual.align({{&reference, Pose::Identity(), 1}}, current, {Pose::Identity()});
+  REQUIRE(a.status == Status::Converged);
+  for (BasicDirectAligner<OwnKernel, OwnNoise>* aligner : {&own, &moved}) {
+    const AlignmentResult b = aligner->align({{&reference, Pose::Identity(), 1}}, current, {Pose::Identity()});
+    CHECK((a.T_world_camera.matrix().array() == b.T_world_camera.matrix().array()).all());
+    CHECK(a.cost == b.cost);
+  }
+}
+
+TEST_CASE("the alpha that the residuals ask for is lower where bodies move") {
+  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
+  AlignmentOptions o;
+  o.kernel.kind = KernelKind::AdaptiveBarron;
+  const auto alpha = [&](const room::Slab& body) {
+    const room::Frame c = room::render(kCamera, kTruth, body, 2);
+    PairOptions pair = full_size();
+    pair.alignment = o;
+    const auto a = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), pair);
+    CHECK(succeeded(a.status));
+    return a.detail.kernel_alpha;
+  };
+  const double still = alpha({});
+  const double moving = alpha({true, -.3, .4, 1.5});
+  CHECK(still <= 2);
+  CHECK(moving < still);
 }
 
 TEST_CASE("the way back must agree") {

@@ -36,6 +36,17 @@ PyramidOptions one_level() {
   o.sensor_noise = 0;  // exact images: any gradient is one
   return o;
 }
+// A noise model as a user writes it.
+struct ConstantNoise {
+  template <class T>
+  T squared_weight_intensity(const NoiseInput<T>&) const {
+    return T(1 / (.02 * .02));
+  }
+  template <class T>
+  T squared_weight_depth(const NoiseInput<T>&) const {
+    return T(1 / (.01 * .01));
+  }
+};
 double lane(const Lanes& l, int i) { return static_cast<double>(l[i]); }
 
 // All pixels of a list, one by one.
@@ -52,6 +63,21 @@ void for_pixels(const PixelList& list, const Warper& warp, F&& f, const NoiseMod
   }
 }
 }  // namespace
+
+TEST_CASE("the noise models weigh by their formulas") {
+  NoiseOptions o;
+  const double sigma = static_cast<double>(o.sigma_intensity);
+  const NoiseInput<double> p{.1, 9e-4, 2.5, 2.4, 3.0, -4.0, 2.0, 100.0, 110.0};
+  const NoiseModel sensor(o);
+  CHECK(1 / sensor.squared_weight_intensity(p) == doctest::Approx(2 * sigma * sigma + 9e-4 * .09).epsilon(1e-6));
+  const double a = 1.425e-3 * 2.5 * 2.5, b = 1.425e-3 * 2.4 * 2.4;
+  CHECK(1 / sensor.squared_weight_depth(p) == doctest::Approx(a * a + b * b + 9e-4 * .09).epsilon(1e-6));
+  o.form = NoiseForm::StaticFusion;
+  const NoiseModel fusion(o);
+  const double slopes = .1 + 3.0 * 2 / 100 + 4.0 * 2 / 110;
+  CHECK(1 / fusion.squared_weight_intensity(p) == doctest::Approx(1 + 10 * slopes).epsilon(1e-6));
+  CHECK(.01 / fusion.squared_weight_depth(p) == doctest::Approx(.01 + 200 * slopes).epsilon(1e-6));
+}
 
 TEST_CASE("derivatives of both residuals equal central differences") {
   FramePyramid p;
@@ -199,6 +225,57 @@ TEST_CASE("the fused pass sums what a plain loop in double sums, for every kerne
       CHECK(weight == doctest::Approx(plain_weight).epsilon(1e-4));
       CHECK((sum.H - plain.H).norm() < 1e-4 * plain.H.norm());
       CHECK((sum.b - plain.b).norm() < 1e-3 * plain.b.norm());
+    }
+  }
+}
+
+TEST_CASE("the right side of the equations is the slope of the cost, wherever alpha stands and with the kernel of a pair") {
+  FramePyramid reference, current;
+  room::Frame f = linear_frame();
+  reference.build(f.view(), kCamera, {}, one_level());
+  for (std::size_t i = 0; i < f.intensity.size(); ++i) f.intensity.data()[i] += .02F;  // residuals of their own size
+  current.build(f.view(), kCamera, {}, one_level());
+  const PixelList& list = reference.level(0).pixels;
+  const Pose T0 = room::pose(.001, -.0004, .002, .02, -.03, .01);  // the derivatives are those of aligned images
+  const ConstantNoise noise;
+  WarpOptions options;
+  options.esm = false;
+  options.gate = 0;
+  const RobustKernel cauchy;
+  const kernels::BivariateT pair;
+  TermScales outside{1.3, .8, 2.0, AlphaPlace::Outside, ScaleCoupling::Separate, 0};
+  TermScales inside{1.3, .8, .6, AlphaPlace::Inside, ScaleCoupling::Joint, 0};
+  TermScales joint{1.1, .9, 1.0, AlphaPlace::Outside, ScaleCoupling::BivariateT, .4};
+  for (const TermScales& scales : {outside, inside, joint}) {
+    const bool bivariate = scales.coupling == ScaleCoupling::BivariateT;
+    const auto sums = [&](const Pose& T, double& cost) {
+      const Warper warp(current.level(0), T, {}, options, 1.0F, 1.0F);
+      TileSummer summer(warp, NoiseRef(noise), bivariate ? KernelRef(pair) : KernelRef(cauchy), scales);
+      NormalEquations n;
+      cost = 0;
+      for (int row = 1; row + 1 < list.rows; ++row) {  // what is at the border leaves the image
+        for (int column = 1; column + 1 < list.columns; ++column) {
+          TileSums s;
+          summer(list, list.tiles[static_cast<std::size_t>(row * list.columns + column)], s);
+          n += s.equations();
+          cost += static_cast<double>(s.cost) / (bivariate ? 2 : 1);  // counted for both residuals
+        }
+      }
+      CHECK(summer.counts().out_of_view == 0);
+      return n;
+    };
+    double at = 0;
+    const NormalEquations n = sums(T0, at);
+    CHECK(at > 100);
+    for (int k = 0; k < 6; ++k) {
+      const double h = 2e-3;
+      Twist e = Twist::Zero();
+      e(k) = h;
+      double up = 0, down = 0;
+      (void)sums(T0 * se3_exp(e), up);
+      (void)sums(T0 * se3_exp(-e), down);
+      CAPTURE(k);
+      CHECK(std::abs((up - down) / (2 * h) + n.b(k)) < .01 * n.b.norm());
     }
   }
 }

@@ -32,8 +32,6 @@ struct AlignmentOptions {
                                            ///< makes alignment restart from other poses; 0 = always, 1 = never. Frames that are mostly
                                            ///< masked restart unless it is 1
   bool regions = true;                     ///< tiles that move on their own count less (region_labels.hpp)
-  double prior_sigma = 0;                  ///< motion prior towards the first candidate: standard deviation of the position [m], and of the
-                                           ///< direction [rad]; 0 = none
   WarpOptions warp;
   NoiseOptions noise;
 
@@ -53,7 +51,6 @@ struct AlignmentOptions {
     v("prealign_rotation", s.prealign_rotation);
     v("multi_start_threshold", s.multi_start_threshold, 0.0, 1.0);
     v("regions", s.regions);
-    v("prior_sigma", s.prior_sigma, 0.0, 1e6);
     v("warp", s.warp);
     v("noise", s.noise);
   }

@@ -14,7 +14,7 @@
 #include <apso/math/symmetric.hpp>
 #include <apso/refinement/cost/alignment_cost.hpp>
 #include <apso/refinement/cost/normal_equations.hpp>
-#include <apso/refinement/degeneracy.hpp>
+#include <apso/refinement/solver/degeneracy.hpp>
 #include <apso/status.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -31,9 +31,8 @@ class LevelSolver {
   bool converged = false;  ///< at the level that was solved last
   int iterations = 0;      ///< outer ones over all levels
 
-  /// \param T_prior T_camera_world towards which a motion prior pulls
   /// \param ratio share of the largest eigenvalue below which a direction keeps what it is
-  [[nodiscard]] Status solve(AlignmentCost& cost, int level, double ratio, const Pose& T_prior, const ExecutorRef& executor) {
+  [[nodiscard]] Status solve(AlignmentCost& cost, int level, double ratio, const ExecutorRef& executor) {
     constexpr auto kAccepted = AlignmentCost::kAccepted;
     constexpr auto kTrial = AlignmentCost::kTrial;
     converged = false;
@@ -54,9 +53,8 @@ class LevelSolver {
       ++iterations;
       cost.update_labels();
       const double before = cost.mean(kAccepted);
-      NormalEquations n = cost.normal_equations(T, executor);
+      const NormalEquations n = cost.normal_equations(T, executor);
       if (!std::isfinite(before) || !all_finite(n.H) || !all_finite(n.b)) return Status::Diverged;
-      add_prior(cost.options().prior_sigma, T_prior, n);
       const Matrix6 scaled = scaled_both(D, n.H);
       const Degeneracy open(scaled, ratio, false);
       if (open.count == 6) return level > 0 ? Status::TooFewPixels : Status::SingularSystem;
@@ -117,16 +115,6 @@ class LevelSolver {
   static constexpr double kStopRelativeCost = 1e-4;  // a relative decrease below stops
   static constexpr int kRejects = 5;                 // rejected steps in a row
   static constexpr double kScaleChange = 0.2;        // relative change of a scale from which on the sums are made again with the new
-
-  void add_prior(double sigma, const Pose& T_prior, NormalEquations& n) const {
-    if (!(sigma > 0)) return;
-    const Twist e = se3_log(compose(T_prior, inverse(T)));
-    const double p = 1.0 / (sigma * sigma * kInformationDeflation);
-    for (int i = 0; i < 6; ++i) {
-      n.H(i, i) += p;
-      n.b(i) += p * e(i);
-    }
-  }
 };
 
 APSO_NAMESPACE_END
