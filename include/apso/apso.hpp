@@ -109,8 +109,6 @@
 #include <apso/refinement/cost/term_scales.hpp>
 #include <apso/refinement/cost/tile_summer.hpp>
 #include <apso/refinement/cost/warped_pixels.hpp>
-#include <apso/refinement/degeneracy.hpp>
-#include <apso/refinement/level_solver.hpp>
 #include <apso/refinement/memory/frame_descriptor.hpp>
 #include <apso/refinement/memory/motion_distance.hpp>
 #include <apso/refinement/memory/reference_memory.hpp>
