@@ -131,7 +131,9 @@
 #include <apso/refinement/start/orientation_search.hpp>
 #include <apso/refinement/start/rotation_search.hpp>
 #include <apso/refinement/start/start_search.hpp>
+#include <apso/score.hpp>
 #include <apso/status.hpp>
+#include <apso/threshold.hpp>
 #include <apso/track.hpp>
 #include <apso/tracker/descriptor_matching.hpp>
 #include <apso/tracker/features.hpp>

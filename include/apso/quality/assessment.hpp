@@ -12,6 +12,7 @@
 #include <type_traits>
 
 #include <apso/config.hpp>
+#include <apso/quality/benchmark.hpp>
 #include <apso/quality/score_list.hpp>
 #include <apso/quality/scores/confidence.hpp>
 #include <apso/quality/scores/depth.hpp>
@@ -183,5 +184,13 @@ std::optional<double> BasicAssessment<F, C>::get(std::string_view name) const {
   });
   return found;
 }
+
+/// What the assessor keeps of a frame: what each score of change remembers. Copying into an old one reuses its memory.
+template <class ChangeScores>
+struct FrameSnapshot;
+template <class... S>
+struct FrameSnapshot<ScoreList<S...>> : ScoredFrame {
+  std::tuple<typename S::Memory...> memories;
+};
 
 APSO_NAMESPACE_END

@@ -7,12 +7,10 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <tuple>
 #include <utility>
 #include <vector>
 
 #include <apso/config.hpp>
-#include <apso/quality/score_list.hpp>
 #include <apso/types/score.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -58,14 +56,6 @@ inline constexpr int kSteadyFrames = 5;
 struct ScoredFrame {
   double timestamp = 0;  ///< [s]
   Quality S_total;       ///< quality of the frame
-};
-
-/// What the assessor keeps of a frame: what each score of change remembers. Copying into an old one reuses its memory.
-template <class ChangeScores>
-struct FrameSnapshot;
-template <class... S>
-struct FrameSnapshot<ScoreList<S...>> : ScoredFrame {
-  std::tuple<typename S::Memory...> memories;
 };
 
 /// Holds the reference frame and the score that the next one must beat.
