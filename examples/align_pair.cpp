@@ -34,11 +34,12 @@ int align_files(char** names) {
       return 1;
     }
   }
-  apso::PairOptions options;
-  options.depth_unit = 1.0 / 5000;
-  show(apso::align(apso::opencv::as_image<std::uint8_t>(images[0]), apso::opencv::as_image<std::uint16_t>(images[1]),
-                   apso::opencv::as_image<std::uint8_t>(images[2]), apso::opencv::as_image<std::uint16_t>(images[3]),
-                   apso::testing::freiburg3_camera(images[0].cols, images[0].rows), apso::Pose::Identity(), options));
+  const apso::Pinhole camera = apso::testing::freiburg3_camera(images[0].cols, images[0].rows);
+  const auto frame = [&](double seconds, const cv::Mat& grey, const cv::Mat& depth) {
+    return apso::frame(seconds, apso::opencv::as_image<std::uint8_t>(grey),
+                       apso::scaled(apso::opencv::as_image<std::uint16_t>(depth), 1 / 5000.F), camera);
+  };
+  show(apso::align(frame(0, images[0], images[1]), frame(1, images[2], images[3])));
   return 0;
 }
 }  // namespace
@@ -52,8 +53,8 @@ int main(int argc, char** argv) {
   sequence.render(20, reference);
   sequence.render(25, current);
 
-  const apso::PairAlignment result =
-      apso::align(reference.intensity, reference.depth, current.intensity, current.depth, sequence.camera());
+  const auto result = apso::align(apso::frame(0, reference.intensity, reference.depth, sequence.camera()),
+                                  apso::frame(1, current.intensity, current.depth, sequence.camera()));
 
   const apso::Pose truth = apso::inverse(current.T_world_camera) * reference.T_world_camera;
   show("true", truth);

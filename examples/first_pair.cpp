@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <vector>
 
-#include <apso/refinement/align.hpp>
+#include <apso/align.hpp>
 #include <apso/testing/synthetic.hpp>
 
 struct SensorFrame {
@@ -29,12 +29,11 @@ int main() {
   pinhole.cy = 247.6;
   pinhole.width = 640;
   pinhole.height = 480;
-  apso::PairOptions options;
-  options.depth_unit = 0.001;  // millimetres
-  const apso::PairAlignment result =
-      apso::align(Grey(first.grey.data(), 640, 480), Depth(first.millimetres.data(), 640, 480),
-                  Grey(second.grey.data(), 640, 480), Depth(second.millimetres.data(), 640, 480),
-                  pinhole, apso::Pose::Identity(), options);
+  const auto frame = [&](double seconds, const SensorFrame& f) {
+    return apso::frame(seconds, Grey(f.grey.data(), 640, 480),
+                       apso::scaled(Depth(f.millimetres.data(), 640, 480), 0.001F), pinhole);
+  };
+  const auto result = apso::align(frame(0.0, first), frame(0.17, second));
   const Eigen::Vector3d t = result.T_current_reference.translation();
   std::printf("%s: moved by %.3f %.3f %.3f m, confidence %.2f\n", apso::to_string(result.status), t.x(), t.y(), t.z(),
               result.confidence);

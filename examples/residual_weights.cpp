@@ -10,9 +10,9 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include <apso/align.hpp>
 #include <apso/observation/geometry/low_res_alignment.hpp>
 #include <apso/opencv/adapters.hpp>
-#include <apso/refinement/align.hpp>
 #include <apso/testing/synthetic.hpp>
 
 namespace {
@@ -50,12 +50,11 @@ int main(int argc, char** argv) {
     }
   }
   const apso::Pinhole camera = apso::testing::freiburg3_camera(images[0].cols, images[0].rows);
-  apso::PairOptions options;
-  options.depth_unit = 1.0 / 5000;
-  const apso::PairAlignment found =
-      apso::align(apso::opencv::as_image<std::uint8_t>(images[0]), apso::opencv::as_image<std::uint16_t>(images[1]),
-                  apso::opencv::as_image<std::uint8_t>(images[2]), apso::opencv::as_image<std::uint16_t>(images[3]),
-                  camera, apso::Pose::Identity(), options);
+  const auto frame = [&](double seconds, const cv::Mat& grey, const cv::Mat& depth) {
+    return apso::frame(seconds, apso::opencv::as_image<std::uint8_t>(grey),
+                       apso::scaled(apso::opencv::as_image<std::uint16_t>(depth), 1 / 5000.F), camera);
+  };
+  const auto found = apso::align(frame(0, images[0], images[1]), frame(1, images[2], images[3]));
   std::printf("%s, confidence %.2f, %.0f %% of the view is taken as static\n", apso::to_string(found.status),
               found.confidence, 100 * found.detail.static_share);
 
