@@ -87,7 +87,7 @@ TEST_CASE("a large turn is seen from near the guess, and not from elsewhere") {
   REQUIRE(!near.empty());
   CHECK(angle(near.front(), truth) < kDegree);
   // the grid, half a step beside it, and what refinement adds
-  for (const Eigen::Matrix3d& R : near) CHECK(angle(R, guess) < OrientationSearch::kReach + 5 * kDegree);
+  for (const Eigen::Matrix3d& R : near) CHECK(angle(R, guess) < OrientationSearch::kMaxAngle + 5 * kDegree);
   for (const Eigen::Matrix3d& R : search(r, c)) CHECK(angle(R, truth) > 10 * kDegree);
 }
 

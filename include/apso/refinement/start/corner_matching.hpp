@@ -1,5 +1,5 @@
 /// \file
-/// Corners of one frame found again in another, by what they look like.
+/// Corners of one frame, matched with those of another by normalised correlation.
 #pragma once
 
 #include <algorithm>
@@ -24,79 +24,78 @@ struct CornerMatch {
 };
 
 /// Matches corners. Those of the reference (Shi and Tomasi, CVPR 1994), one per cell so that they cover the view, are
-/// looked for at every place of the current image that has texture in two directions: the best corner of a cell is too
-/// often the best of no cell in the other image. Matched are pairs of which each is the other's best by normalised
-/// correlation; where in the current image follows to a fraction of a pixel from the correlations beside it. Keeps its
-/// buffers.
+/// compared with every pixel of the current image that has texture in two directions: the best corner of a cell is too
+/// often the best of no cell in the other image. A match is a pair of which each is the other's best by normalised
+/// correlation; its position in the current image is refined to a fraction of a pixel. Keeps its buffers.
 class CornerMatcher {
  public:
   /// Adds the matches of one level of both frames. Where there are few corners the cells are smaller.
-  /// \return corners of the reference, of usual cells
+  /// \return number of corners of the reference in cells of the larger size
   std::size_t operator()(const PyramidLevel& reference, const PyramidLevel& current,
                          std::vector<CornerMatch>& matches) {
-    describe(reference, Take::Best, kCell, reference_);
-    const std::size_t usual = reference_.size();
-    if (usual < kWanted) describe(reference, Take::Best, kCellFew, reference_);
-    describe(current, Take::All, kCell, current_);
-    find_partners();
+    detect(reference, Choice::Best, kCell, reference_);
+    const std::size_t corners = reference_.size();
+    if (corners < kMinCorners) detect(reference, Choice::Best, kSmallCell, reference_);
+    detect(current, Choice::All, kCell, current_);
+    match_mutually();
     for (std::size_t i = 0; i < reference_.size(); ++i) {
-      if (partner_of_reference_[i] < 0) continue;
-      const auto j = static_cast<std::size_t>(partner_of_reference_[i]);
-      if (partner_of_current_[j] != static_cast<float>(i)) continue;
-      const Place& from = reference_.places[i];
-      const Place& to = current_.places[j];
-      const std::array<float, 2> beside = peak(i, current, to);
-      matches.push_back(
-          {point(reference, from, {0, 0}), point(current, to, beside), 1.0F / static_cast<float>(current.camera.fx)});
+      if (match_of_reference_[i] < 0) continue;
+      const auto j = static_cast<std::size_t>(match_of_reference_[i]);
+      if (match_of_current_[j] != static_cast<float>(i)) continue;
+      const Pixel& from = reference_.pixels[i];
+      const Pixel& to = current_.pixels[j];
+      const std::array<float, 2> offset = subpixel_offset(i, current, to);
+      matches.push_back({back_project(reference, from, {0, 0}), back_project(current, to, offset),
+                         1.0F / static_cast<float>(current.camera.fx)});
     }
-    return usual;
+    return corners;
   }
 
  private:
-  static constexpr std::size_t kWanted = 200;  // corners; with fewer the cells are smaller
-  static constexpr int kCell = 8;              // [px]
-  static constexpr int kCellFew = 4;           // of the smaller ones
-  static constexpr float kAlike = 0.65F;       // least correlation of a match
-  static constexpr float kWeakest = 1e-3F;     // cornerness of nine pixels with gradients of 1 % of the brightness
+  static constexpr std::size_t kMinCorners = 200;  // with fewer the cells are smaller
+  static constexpr int kCell = 8;                  // [px]
+  static constexpr int kSmallCell = 4;             // [px]
+  static constexpr float kMinCorrelation = 0.65F;  // of a match
+  static constexpr float kMinCornerness = 1e-3F;   // that of nine pixels with gradients of 1 % of the brightness
   static constexpr int kSide = 8;              // of a patch [px]
   static constexpr int kHalf = kSide / 2;
   static constexpr int kPatch = kSide * kSide;
 
-  struct Place {
+  struct Pixel {
     int x, y;
   };
   struct Corners {
-    std::vector<Place> places;
+    std::vector<Pixel> pixels;
     std::vector<float> patches;  // kLanes of them at a time, pixel by pixel, the rest 0
-    [[nodiscard]] std::size_t size() const { return places.size(); }
+    [[nodiscard]] std::size_t size() const { return pixels.size(); }
     [[nodiscard]] const float* patch(std::size_t i) const {
       return patches.data() + i / kLanes * kPatch * kLanes + i % kLanes;
     }
   };
 
   // The best corner of each cell, or all its pixels that could be one.
-  enum class Take { Best, All };
-  static void describe(const PyramidLevel& level, Take take, int cell, Corners& out) {
+  enum class Choice { Best, All };
+  static void detect(const PyramidLevel& level, Choice choice, int cell, Corners& out) {
     const int w = level.intensity.width();
     const int h = level.intensity.height();
-    out.places.clear();
+    out.pixels.clear();
     out.patches.clear();
     for (int y0 = kHalf; y0 + cell <= h - kHalf; y0 += cell) {
       for (int x0 = kHalf; x0 + cell <= w - kHalf; x0 += cell) {
-        float best = kWeakest;
-        Place at{0, 0};
+        float best = kMinCornerness;
+        Pixel at{0, 0};
         for (int y = y0; y < y0 + cell; ++y) {
           for (int x = x0; x < x0 + cell; ++x) {
             if (!(level.depth.row(y)[x] > 0)) continue;
             const float s = cornerness(level.intensity, x, y);
-            if (take == Take::All && s > kWeakest) add(level, {x, y}, out);
+            if (choice == Choice::All && s > kMinCornerness) add(level, {x, y}, out);
             if (s > best) {
               best = s;
               at = {x, y};
             }
           }
         }
-        if (take == Take::Best && best > kWeakest) add(level, at, out);
+        if (choice == Choice::Best && best > kMinCornerness) add(level, at, out);
       }
     }
   }
@@ -121,9 +120,9 @@ class CornerMatcher {
     return 0.5F * (xx + yy - std::sqrt((xx - yy) * (xx - yy) + 4 * xy * xy));
   }
 
-  // The patch around a place, of mean 0 and length 1, without what is masked.
+  // The patch around a pixel, of mean 0 and length 1, without what is masked.
   // \return whether enough of it is inside the image and not masked
-  static bool cut(const PyramidLevel& level, Place at, std::array<float, kPatch>& patch) {
+  static bool extract_patch(const PyramidLevel& level, Pixel at, std::array<float, kPatch>& patch) {
     if (at.x < kHalf || at.y < kHalf || at.x + kHalf > level.intensity.width() ||
         at.y + kHalf > level.intensity.height()) {
       return false;
@@ -151,24 +150,24 @@ class CornerMatcher {
     return true;
   }
 
-  static void add(const PyramidLevel& level, Place at, Corners& out) {
+  static void add(const PyramidLevel& level, Pixel at, Corners& out) {
     std::array<float, kPatch> patch;
-    if (!cut(level, at, patch)) return;
+    if (!extract_patch(level, at, patch)) return;
     const std::size_t lane = out.size() % kLanes;
     if (lane == 0) out.patches.resize(out.patches.size() + kPatch * kLanes, 0.0F);
     float* to = out.patches.data() + out.patches.size() - kPatch * kLanes + lane;
     for (std::size_t i = 0; i < kPatch; ++i) to[i * kLanes] = patch[i];
-    out.places.push_back(at);
+    out.pixels.push_back(at);
   }
 
-  // The best partner of each, -1 for none.
-  void find_partners() {
+  // The best match of each, -1 for none.
+  void match_mutually() {
     constexpr int kAtOnce = 4;  // of the reference, beside kLanes of the current image
     const std::size_t n = reference_.size();
     const std::size_t groups = (current_.size() + kLanes - 1) / kLanes;
-    best_of_current_.assign(groups * kLanes, kAlike);
-    partner_of_current_.assign(groups * kLanes, -1.0F);
-    partner_of_reference_.assign(n, -1.0F);
+    best_of_current_.assign(groups * kLanes, kMinCorrelation);
+    match_of_current_.assign(groups * kLanes, -1.0F);
+    match_of_reference_.assign(n, -1.0F);
     for (std::size_t first = 0; first < n; first += kAtOnce) {
       const int count = static_cast<int>(std::min<std::size_t>(kAtOnce, n - first));
       float a[kPatch][kAtOnce] = {};
@@ -177,7 +176,7 @@ class CornerMatcher {
         for (int k = 0; k < kPatch; ++k) a[k][r] = from[k * kLanes];
       }
       Lanes best[kAtOnce], group[kAtOnce];
-      std::fill(best, best + kAtOnce, Lanes(kAlike));
+      std::fill(best, best + kAtOnce, Lanes(kMinCorrelation));
       std::fill(group, group + kAtOnce, Lanes(-1.0F));
       for (std::size_t g = 0; g < groups; ++g) {
         const float* b = current_.patch(g * kLanes);
@@ -188,7 +187,7 @@ class CornerMatcher {
           for (int r = 0; r < kAtOnce; ++r) c[r] += v * a[k][r];
         }
         Lanes most = Lanes::load(best_of_current_.data() + g * kLanes);
-        Lanes partner = Lanes::load(partner_of_current_.data() + g * kLanes);
+        Lanes partner = Lanes::load(match_of_current_.data() + g * kLanes);
         for (int r = 0; r < kAtOnce; ++r) {
           const Mask nearer = c[r] > most;
           most = select(nearer, c[r], most);
@@ -198,11 +197,11 @@ class CornerMatcher {
           group[r] = select(better, Lanes(static_cast<float>(g)), group[r]);
         }
         most.store(best_of_current_.data() + g * kLanes);
-        partner.store(partner_of_current_.data() + g * kLanes);
+        partner.store(match_of_current_.data() + g * kLanes);
       }
       for (int r = 0; r < count; ++r) {  // the first of equal ones
-        float most = kAlike;
-        float& at = partner_of_reference_[first + static_cast<std::size_t>(r)];
+        float most = kMinCorrelation;
+        float& at = match_of_reference_[first + static_cast<std::size_t>(r)];
         for (int lane = 0; lane < kLanes; ++lane) {
           const float j = group[r][lane] * kLanes + static_cast<float>(lane);
           if (group[r][lane] < 0 || best[r][lane] < most || (best[r][lane] == most && at >= 0 && j > at)) continue;
@@ -213,13 +212,13 @@ class CornerMatcher {
     }
   }
 
-  // How far from a place a corner of the reference correlates most: the top of a parabola through neighbours in x, and
+  // How far from a pixel a corner of the reference correlates most: the top of a parabola through neighbours in x, and
   // in y [px].
-  [[nodiscard]] std::array<float, 2> peak(std::size_t of_reference, const PyramidLevel& current, Place at) const {
+  [[nodiscard]] std::array<float, 2> subpixel_offset(std::size_t of_reference, const PyramidLevel& current, Pixel at) const {
     const float* a = reference_.patch(of_reference);
     const auto correlation = [&](int x, int y) {
       std::array<float, kPatch> b;
-      if (!cut(current, {x, y}, b)) return -1.0F;
+      if (!extract_patch(current, {x, y}, b)) return -1.0F;
       float sum = 0;
       for (std::size_t k = 0; k < kPatch; ++k) sum += a[k * kLanes] * b[k];
       return sum;
@@ -234,16 +233,16 @@ class CornerMatcher {
             top(correlation(at.x, at.y - 1), correlation(at.x, at.y + 1))};
   }
 
-  static Eigen::Vector3f point(const PyramidLevel& level, Place at, std::array<float, 2> beside) {
+  static Eigen::Vector3f back_project(const PyramidLevel& level, Pixel at, std::array<float, 2> offset) {
     const float z = level.depth.row(at.y)[at.x];
-    const float x = static_cast<float>(at.x) + beside[0] - static_cast<float>(level.camera.cx);
-    const float y = static_cast<float>(at.y) + beside[1] - static_cast<float>(level.camera.cy);
+    const float x = static_cast<float>(at.x) + offset[0] - static_cast<float>(level.camera.cx);
+    const float y = static_cast<float>(at.y) + offset[1] - static_cast<float>(level.camera.cy);
     return {x / static_cast<float>(level.camera.fx) * z, y / static_cast<float>(level.camera.fy) * z, z};
   }
 
   Corners reference_, current_;
   // Correlations, and numbers of patches; floats hold them, exactly as far as there are pixels.
-  std::vector<float> best_of_current_, partner_of_current_, partner_of_reference_;
+  std::vector<float> best_of_current_, match_of_current_, match_of_reference_;
 };
 
 APSO_NAMESPACE_END

@@ -1,5 +1,5 @@
 /// \file
-/// Rotations between two frames guessed from the directions that the surfaces in them face.
+/// Rotations between two frames from the surface normals in both.
 #pragma once
 
 #include <algorithm>
@@ -18,52 +18,53 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Guesses how the camera turned from what its depth images show of walls, floors and furniture: their normals keep
-/// their directions, whatever part of them is seen, so that both frames need not share a single pixel. The normals of
+/// Estimates how the camera turned from the normals of walls, floors and furniture: these keep their directions whatever
+/// part of a surface is seen, so that the frames need not share a single pixel. The normals of
 /// the current frame are gathered in a map of directions (extended Gaussian image, Horn, Proc. IEEE 1984), and
-/// rotations that bring those of the reference to where the map is filled are looked for on a grid, then refined. A
-/// third of a million look-ups at 160 x 120 pixels. Deterministic; keeps its buffers.
+/// rotations that map those of the reference to where it is filled are searched on a grid, then refined: a third of a
+/// million look-ups at 160 x 120 pixels. Deterministic; keeps its buffers.
 class OrientationSearch {
  public:
-  /// Largest angle between a guess, before it is refined, and the rotation looked around [rad].
-  static constexpr double kReach = 13 * kDegree;
+  /// Largest angle between a candidate, before it is refined, and the centre of the search [rad].
+  static constexpr double kMaxAngle = 13 * kDegree;
 
   /// \param reference,current the same level of both frames, about 160 x 120 pixels
-  /// \param around the rotation R_current_reference to look around
+  /// \param centre R_current_reference around which to search
   /// \param R_current_reference receives up to four rotations, the best first; empty without surfaces
-  void operator()(const PyramidLevel& reference, const PyramidLevel& current, const Eigen::Matrix3d& around,
+  void operator()(const PyramidLevel& reference, const PyramidLevel& current, const Eigen::Matrix3d& centre,
                   std::vector<Eigen::Matrix3d>& R_current_reference) {
     R_current_reference.clear();
     normals(current, normals_);
-    draw_map();
+    build_map();
     normals(reference, normals_);
     if (normals_.empty()) return;
-    guesses_.clear();
-    constexpr int kSteps = static_cast<int>(kReach / kStep);
+    candidates_.clear();
+    constexpr int kSteps = static_cast<int>(kMaxAngle / kStep);
     for (int x = -kSteps; x <= kSteps; ++x) {
       for (int y = -kSteps; y <= kSteps; ++y) {
         for (int z = -kSteps; z <= kSteps; ++z) {
           const Eigen::Vector3d turn(x * kStep, y * kStep, z * kStep);
-          if (norm(turn) > kReach) continue;
-          const Eigen::Matrix3d R = times(rotation(so3_exp(turn)), around);
-          guesses_.push_back({R, agreement(R)});
+          if (norm(turn) > kMaxAngle) continue;
+          const Eigen::Matrix3d R = times(rotation(so3_exp(turn)), centre);
+          candidates_.push_back({R, score(R)});
         }
       }
     }
-    double most = 0;
-    for (int tried = 0; tried < kMost && !guesses_.empty(); ++tried) {
-      const auto best = std::max_element(guesses_.begin(), guesses_.end(),
-                                         [](const Guess& a, const Guess& b) { return a.agreement < b.agreement; });
-      most = std::max(most, best->agreement);
-      if (!(best->agreement > kLeast * most)) break;
+    double best_score = 0;
+    for (int tried = 0; tried < kMaxCandidates && !candidates_.empty(); ++tried) {
+      const auto best = std::max_element(candidates_.begin(), candidates_.end(),
+                                         [](const Candidate& a, const Candidate& b) { return a.score < b.score; });
+      best_score = std::max(best_score, best->score);
+      if (!(best->score > kMinScoreRatio * best_score)) break;
       Eigen::Matrix3d R = best->R;
-      guesses_.erase(
-          std::remove_if(guesses_.begin(), guesses_.end(), [&](const Guess& g) { return angle(g.R, R) < kApart; }),
-          guesses_.end());
+      candidates_.erase(
+          std::remove_if(candidates_.begin(), candidates_.end(),
+                         [&](const Candidate& c) { return angle(c.R, R) < kMinSeparation; }),
+          candidates_.end());
       for (int i = 0; i < kRefinements; ++i) refine(R);
-      // most of what was apart comes to the same
+      // most candidates that were separate converge to the same rotation
       if (std::any_of(R_current_reference.begin(), R_current_reference.end(),
-                      [&](const Eigen::Matrix3d& other) { return angle(R, other) < kSame; })) {
+                      [&](const Eigen::Matrix3d& other) { return angle(R, other) < kDuplicateAngle; })) {
         continue;
       }
       R_current_reference.push_back(R);
@@ -72,21 +73,21 @@ class OrientationSearch {
 
  private:
   static constexpr double kStep = 3 * kDegree;   // of the grid [rad]
-  static constexpr double kApart = 5 * kDegree;  // least angle between two guesses, before they are refined [rad]
-  static constexpr double kLeast = 0.8;          // agreement of a guess, of the best
-  static constexpr double kSame = 1 * kDegree;   // the same, refined
-  static constexpr int kMost = 4;
+  static constexpr double kMinSeparation = 5 * kDegree;  // of two candidates, before they are refined [rad]
+  static constexpr double kMinScoreRatio = 0.8;          // score of a candidate over that of the best
+  static constexpr double kDuplicateAngle = 1 * kDegree;   // refined candidates that are closer are the same [rad]
+  static constexpr int kMaxCandidates = 4;
   static constexpr int kRefinements = 6;
-  static constexpr int kPixels = 4;       // from one normal to the next
-  static constexpr int kRadius = 3;       // of what a normal is taken from [px]
+  static constexpr int kPixels = 4;       // between normals
+  static constexpr int kRadius = 3;       // of the window of a normal [px]
   static constexpr int kSide = 96;        // of the map, cells
   static constexpr float kExtent = 1.3F;  // of the map to each side; 1 is perpendicular to the viewing direction
-  static constexpr float kAway = 0.5F;    // z of directions that face away from the camera beyond the map
+  static constexpr float kMaxZ = 0.5F;    // of a direction; others face away from the camera, beyond the map
   static constexpr float kCone = 0.01F;   // 1 - cosine of the largest angle between directions that agree: 8 degrees
 
-  struct Guess {
+  struct Candidate {
     Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-    double agreement = 0;
+    double score = 0;
   };
   // What the current frame shows of a direction: how many normals near it, and their sum.
   struct Cell {
@@ -140,17 +141,17 @@ class OrientationSearch {
   // Stereographic: directions towards the camera fill the unit disk.
   static float to_cell(float v) { return (v + kExtent) * (0.5F * kSide / kExtent); }
   static const Cell* find(const std::vector<Cell>& map, const Eigen::Vector3f& n) {
-    if (!(n.z() < kAway)) return nullptr;
+    if (!(n.z() < kMaxZ)) return nullptr;
     const float x = to_cell(n.x() / (1.0F - n.z()));
     const float y = to_cell(n.y() / (1.0F - n.z()));
     if (!(x >= 0 && y >= 0 && x < kSide && y < kSide)) return nullptr;
     return &map[static_cast<std::size_t>(y) * kSide + static_cast<std::size_t>(x)];
   }
-  // Each normal counts around it.
-  void draw_map() {
+  // Each normal counts in the cells of a cone around it.
+  void build_map() {
     map_.assign(static_cast<std::size_t>(kSide) * kSide, Cell{});
     for (const Eigen::Vector3f& n : normals_) {
-      if (!(n.z() < kAway)) continue;
+      if (!(n.z() < kMaxZ)) continue;
       const float s = 1.0F / (1.0F - n.z());
       const int x0 = static_cast<int>(to_cell(n.x() * s));
       const int y0 = static_cast<int>(to_cell(n.y() * s));
@@ -182,7 +183,7 @@ class OrientationSearch {
     }
   }
 
-  [[nodiscard]] double agreement(const Eigen::Matrix3d& R) const {
+  [[nodiscard]] double score(const Eigen::Matrix3d& R) const {
     const FloatPose turn(make_pose(R, Eigen::Vector3d(0, 0, 0)));
     float sum = 0;
     for (const Eigen::Vector3f& n : normals_) {
@@ -212,7 +213,7 @@ class OrientationSearch {
 
   std::vector<Eigen::Vector3f> normals_;
   std::vector<Cell> map_;
-  std::vector<Guess> guesses_;
+  std::vector<Candidate> candidates_;
 };
 
 APSO_NAMESPACE_END

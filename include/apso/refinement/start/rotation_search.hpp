@@ -1,5 +1,5 @@
 /// \file
-/// A rough rotation between two small images, before anything is known about the motion.
+/// Rotation-only pre-alignment of two small images.
 #pragma once
 
 #include <algorithm>
@@ -69,7 +69,7 @@ class RotationSearch {
  private:
   // Fills the rows {J, r, gamma} and returns the mean bounded residual.
   double residuals(const PixelList& list, const PyramidLevel& target, const Pose& T) {
-    constexpr float kLost = 0.2F;  // cost of a lost pixel, and the largest of any
+    constexpr float kLostCost = 0.2F;  // cost of a lost pixel, and the largest of any
     const ImageView<const float> image = target.intensity.view();
     const Pinhole& cam = target.camera;
     const auto fx = static_cast<float>(cam.fx);
@@ -91,13 +91,13 @@ class RotationSearch {
         const double u = static_cast<double>(fx * y.x() * iz) + cam.cx;
         const double v = static_cast<double>(fy * y.y() * iz) + cam.cy;
         if (!(y.z() > 0.1F) || !can_sample(image, u, v)) {
-          total += static_cast<double>(kLost * gamma);
+          total += static_cast<double>(kLostCost * gamma);
           continue;
         }
         const Sample s = bilinear(image, u, v);
         if (!target.gamma.empty()) gamma *= target.gamma.row(static_cast<int>(std::lround(v)))[std::lround(u)];
         const float r = s.value - list.at(b, PixelList::kIntensity, i);
-        total += static_cast<double>(std::min(std::abs(r), kLost) * gamma);
+        total += static_cast<double>(std::min(std::abs(r), kLostCost) * gamma);
         if (!(gamma > 0)) continue;
         Eigen::Vector3f a(s.dx * fx * iz, s.dy * fy * iz, 0.0F);
         a.z() = -(a.x() * y.x() + a.y() * y.y()) * iz;

@@ -1,5 +1,5 @@
 /// \file
-/// Where a descent on the images may start again when the pose that it found is in doubt.
+/// Other poses from which to start when the pose that alignment found is in doubt: a multi-start search.
 #pragma once
 
 #include <algorithm>
@@ -17,16 +17,15 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// A pose from which to descend.
+/// A pose from which to start.
 struct Start {
   Pose T_camera_world;
   double support;  ///< AlignmentCost::Evidence; infinite for the pose that was found
 };
 
-/// Gathers starts: the pose that was found, the initial guess, motions through three matches of corners, and motions of
-/// which the directions of surfaces give the rotation and one match of corners the translation. The last kind needs a
-/// single right match and does not fall for a body that moves, which is seldom as large as the walls. Deterministic;
-/// keeps its buffers.
+/// Gathers starts: the pose that was found, the initial guess, motions from three matched corners, and motions with the
+/// rotation from surface normals and the translation from one matched corner. The last kind needs a single right match and
+/// does not follow a moving body, which is seldom as large as the walls. Deterministic; keeps its buffers.
 class StartSearch {
  public:
   /// \param cost with the frames of the alignment; entered anew
@@ -47,21 +46,21 @@ class StartSearch {
     add(cost, level, T_guess, executor);
     corner_search_(cost.first_reference(), cost.current(), cost.halvings(level), motions_);
     add_motions();
-    find_by_surfaces(cost, level, compose(T_guess, T_world_reference), executor);
+    add_surface_motions(cost, level, compose(T_guess, T_world_reference), executor);
     add_motions();
     std::sort(starts_.begin(), starts_.end(), [](const Start& a, const Start& b) { return a.support > b.support; });
     return starts_;
   }
 
  private:
-  static constexpr std::size_t kPromising = 6;  // motions by surfaces that are looked at closely
+  static constexpr std::size_t kMaxSurfaceMotions = 6;  // motions with rotations from surface normals
 
-  struct Trial {
+  struct Candidate {
     Pose T_current_reference;
     double support;
   };
 
-  // Half a pixel from the pose that was found is the same.
+  // Poses within half a pixel of the one that was found are the same.
   template <class Executor>
   void add(AlignmentCost& cost, int level, const Pose& T, const Executor& executor) {
     const Twist e = se3_log(compose(T, inverse(starts_.front().T_camera_world)));
@@ -69,31 +68,32 @@ class StartSearch {
     if (cost.current(level).camera.fx * moved > 0.5) starts_.push_back({T, cost.evidence(level, T, executor).support});
   }
 
-  // As far from the guess as the turns move the image. There may be hundreds; what remains has the most support in
-  // smaller images, and is apart by a pixel of these.
+  // Translations up to as far as the rotations move the image. There may be hundreds; kept are those with the most support
+  // in smaller images that differ by a pixel of these.
   template <class Executor>
-  void find_by_surfaces(AlignmentCost& cost, int level, const Pose& T_guess, const Executor& executor) {
+  void add_surface_motions(AlignmentCost& cost, int level, const Pose& T_guess, const Executor& executor) {
     orientation_search_(cost.first_reference().halved(cost.halvings(level)), cost.current(level), rotation(T_guess),
                         rotations_);
-    corner_search_.with_rotations(rotations_, translation(T_guess), OrientationSearch::kReach * depth_, 0.01 * depth_,
+    corner_search_.with_rotations(rotations_, translation(T_guess), OrientationSearch::kMaxAngle * depth_, 0.01 * depth_,
                                   motions_);
     const Pose T_reference_world = inverse(cost.first_T_world_reference());
     const int smaller = std::min(level + 2, cost.levels() - 1);
     (void)cost.evidence(smaller, starts_.front().T_camera_world, executor);  // for the brightness
-    trials_.clear();
+    candidates_.clear();
     for (const Pose& T : motions_) {
-      trials_.push_back(
+      candidates_.push_back(
           {T, cost.evidence_as_lit(smaller, normalized(compose(T, T_reference_world)), executor).support});
     }
-    std::sort(trials_.begin(), trials_.end(), [](const Trial& a, const Trial& b) { return a.support > b.support; });
+    std::sort(candidates_.begin(), candidates_.end(),
+              [](const Candidate& a, const Candidate& b) { return a.support > b.support; });
     motions_.clear();
-    for (const Trial& t : trials_) {
-      if (motions_.size() == kPromising) break;
-      const bool same = std::any_of(motions_.begin(), motions_.end(), [&](const Pose& T) {
+    for (const Candidate& t : candidates_) {
+      if (motions_.size() == kMaxSurfaceMotions) break;
+      const bool duplicate = std::any_of(motions_.begin(), motions_.end(), [&](const Pose& T) {
         const Twist e = se3_log(compose(t.T_current_reference, inverse(T)));
         return translation_norm(e) / depth_ + rotation_norm(e) < 0.02;
       });
-      if (!same) motions_.push_back(t.T_current_reference);
+      if (!duplicate) motions_.push_back(t.T_current_reference);
     }
   }
 
@@ -103,7 +103,7 @@ class StartSearch {
   std::vector<Pose> motions_;  // T_current_reference
   std::vector<Eigen::Matrix3d> rotations_;
   std::vector<Start> starts_;
-  std::vector<Trial> trials_;
+  std::vector<Candidate> candidates_;
 };
 
 APSO_NAMESPACE_END
