@@ -3,15 +3,18 @@
 #   use      whole programs: apso/apso.hpp alone, a program that aligns a pair, one with the whole pipeline
 #   headers  each header alone in an empty file, and its cost beyond that of Eigen/Core and Eigen/Geometry, which every
 #            user of Eigen pays
-# usage: scripts/compile_cost.sh [--compiler g++] [--runs 3] [--limits UMBRELLA,PAIR,PIPELINE] [use | headers | HEADER...]
+# usage: scripts/compile_cost.sh [--compiler g++] [--runs 3] [--limits UMBRELLA,PAIR,PIPELINE] [--write]
+#                                [use | headers | HEADER...]
 #   without a table or header: both tables. With --limits the exit code says whether the rows of "use" stay below these seconds.
+#   --write: also put the tables into docs/compile_cost.md
 set -euo pipefail
 cd "$(dirname "$0")/.."
-usage() { echo "usage: $0 [--compiler g++] [--runs 3] [--limits UMBRELLA,PAIR,PIPELINE] [use | headers | HEADER...]" >&2; exit 2; }
-compiler=g++ runs=3 limits= headers=() use=
+usage() { echo "usage: $0 [--compiler g++] [--runs 3] [--limits UMBRELLA,PAIR,PIPELINE] [--write] [use | headers | HEADER...]" >&2; exit 2; }
+compiler=g++ runs=3 limits= headers=() use= write=
 while [ $# -gt 0 ]; do
   case $1 in
     --compiler|--runs|--limits) [ $# -ge 2 ] || usage; printf -v "${1#--}" %s "$2"; shift 2 ;;
+    --write) write=1; shift ;;
     use) use=1; shift ;;
     headers) headers=(all); shift ;;
     apso/*.hpp) headers+=("$1"); shift ;;
@@ -25,6 +28,7 @@ elif [ -z "$use" ] && [ ${#headers[@]} -eq 0 ]; then
   use=1 headers=(all)
 fi
 if [ "${headers[*]}" = all ]; then
+  complete=1
   mapfile -t headers < <(cd include && find apso -name '*.hpp' ! -name '*_impl.hpp' ! -path 'apso/sophus/*' | LC_ALL=C sort)
 fi
 eigen=$(pkg-config --cflags eigen3 2>/dev/null || echo -I/usr/include/eigen3)
@@ -46,6 +50,10 @@ of_headers() {  # INCLUDE... -> CPU seconds
   printf '#include <%s>\n' "$@" > "$scratch/one.cpp"
   cost "$scratch/one.cpp"
 }
+if [ -n "$write" ]; then  # to the terminal as well
+  [ ${#headers[@]} -eq 0 ] || [ -n "${complete:-}" ] || { echo "$0: --write needs the whole table of headers" >&2; exit 2; }
+  exec > >(tee "$scratch/tables")
+fi
 over=0
 row() {  # TITLE SECONDS LIMIT
   printf '| %s | %.2f |\n' "$1" "$2"
@@ -70,5 +78,14 @@ if [ ${#headers[@]} -gt 0 ]; then
     t=$(of_headers "$h")
     printf '| %s | %.2f | %.2f |\n' "$h" "$t" "$(awk -v t="$t" -v b="$base" 'BEGIN { print (t > b) ? t - b : 0 }')"
   done
+fi
+if [ -n "$write" ]; then
+  sleep 1  # tee
+  awk -v tables="$scratch/tables" '
+    BEGIN { while ((getline line < tables) > 0) { if (line !~ /^\|/) head = ""; else { if (head == "") head = line; new[head] = new[head] line "\n" } } }
+    /^\|/ && !inside { inside = 1; if ($0 in new) { printf "%s", new[$0]; skip = 1 } }
+    !/^\|/ { inside = 0; skip = 0 }
+    !skip { print }' docs/compile_cost.md > "$scratch/page"
+  cat "$scratch/page" > docs/compile_cost.md
 fi
 exit $over
