@@ -19,6 +19,7 @@ struct Variant {
   std::string meaning;
   std::vector<std::pair<std::string, std::string>> settings;  ///< path of a field and its value
   std::string without;  ///< path of a weight that is given to the others of its group; empty: none
+  bool paper = false;   ///< begins with paper_options() instead of the settings given
 };
 
 /// The variants that are the same for all settings to start from.
@@ -32,6 +33,13 @@ inline std::vector<Variant> fixed_variants() {
       {"screw_blend", "blend along the screw, one weight for all directions", {{refiner("blend.form"), "screw_linear"}}, ""},
       {"one_reference", "alignment to one reference", {{refiner("memory.references"), "1"}}, ""},
       {"both_scales", "brightness residuals count in c_dir as well", {{refiner("confidence.intensity_share"), "0.5"}}, ""},
+      {"sum_distance", "distance to a reference as a sum, as printed", {{refiner("memory.form"), "sum"}}, ""},
+      {"flow_grid_memory", "motion of a frame from its optical flow, as printed", {{refiner("memory.motion"), "flow_grid"}}, ""},
+      {"printed_decay", "decay of references with the printed sign", {{refiner("memory.decay_form"), "printed"}}, ""},
+      {"joint_scale", "one scale for both kinds of residual", {{refiner("alignment.coupling"), "joint"}}, ""},
+      {"alpha_inside", "alpha inside the kernel, as printed", {{refiner("alignment.alpha_place"), "inside"}}, ""},
+      {"no_illumination", "brightness changes are not estimated", {{refiner("alignment.illumination"), "false"}}, ""},
+      {"printed_blend", "blend by w_diff alone, as printed", {{refiner("blend.form"), "screw_linear"}, {refiner("blend.weight"), "printed"}}, ""},
       {"no_motion", "nothing is masked", {{"pipeline.motion", "false"}}, ""},
       {"no_change", "S_final = S_total", {{decision("w_base"), "1"}, {decision("a"), "0"}, {decision("w_dyn"), "1"}}, ""},
       {"no_sharpness", "S_feature from keypoints alone", {{assessor("feature.sharpness"), "false"}}, ""},
@@ -47,7 +55,7 @@ inline std::vector<Variant> fixed_variants() {
       {"cumulative_base", "W_base falls from frame to frame, as printed", {{decision("base_weight"), "cumulative"}}, ""},
       {"literal_thresholds", "th_s by the printed recursion", {{assessor("initialisation.quality_threshold"), "literal"}}, ""},
       {"first_passing", "the first frame that passes is the reference", {{assessor("initialisation.initial_frame"), "first_passing"}}, ""},
-      {"paper", "equations (1) to (17) as printed: paper_options()", {}, ""},
+      {"paper", "equations (1) to (17) as printed: paper_options()", {}, "", true},
       {"previous_baseline", "change against the frame before", {{assessor("change_baseline"), "previous"}}, ""},
       {"residual_flow", "S_mc without the camera's own motion", {{assessor("motion_change.flow"), "residual"}}, ""},
       {"homography_flow", "S_mc without what a homography explains", {{assessor("motion_change.flow"), "homography"}}, ""},
@@ -108,7 +116,7 @@ inline void drop_weight(Config& config, const std::string& path) {
 
 /// The settings of a variant of `config`. Throws io_error when a setting does not exist or does not take the value.
 inline Config changed(Config config, const Variant& variant) {
-  if (variant.name == "paper") config.pipeline = apso::paper_options();
+  if (variant.paper) config.pipeline = apso::paper_options();
   for (const auto& [path, value] : variant.settings) apso::set_parameter(config, path, value);
   if (!variant.without.empty()) drop_weight(config, variant.without);
   apso::validate(config, variant.name);
