@@ -7,6 +7,8 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
+#include <utility>
 #include <vector>
 
 #include <apso/config.hpp>
@@ -60,33 +62,32 @@ inline void expects_stamps(const std::vector<double>& stamps, const char* messag
   detail::expects_stamps(first, "associate_tum: first timestamps must be finite and strictly increasing");
   detail::expects_stamps(second, "associate_tum: second timestamps must be finite and strictly increasing");
   expects(max_difference >= 0 && std::isfinite(offset_second), "associate_tum: max_difference must be >= 0");
-  struct Candidate {
-    double difference;
-    std::size_t a, b;
-  };
-  std::vector<Candidate> candidates;
+  std::vector<StampMatch> candidates;
+  std::vector<std::pair<double, std::size_t>> by_difference;  // of each candidate; equal ones stay in order
   std::size_t begin = 0;  // first b that can still be close enough to a
   for (std::size_t a = 0; a < first.size(); ++a) {
     while (begin < second.size() && !(first[a] - (second[begin] + offset_second) < max_difference)) ++begin;
     for (std::size_t b = begin; b < second.size(); ++b) {
       const double difference = std::abs(first[a] - (second[b] + offset_second));
       if (!(difference < max_difference)) break;
-      candidates.push_back({difference, a, b});
+      by_difference.emplace_back(difference, candidates.size());
+      candidates.push_back({a, b});
     }
   }
-  std::sort(candidates.begin(), candidates.end(), [](const Candidate& x, const Candidate& y) {
-    if (x.difference != y.difference) return x.difference < y.difference;
-    return x.a != y.a ? x.a < y.a : x.b < y.b;
-  });
-  std::vector<char> used_a(first.size(), 0);
-  std::vector<char> used_b(second.size(), 0);
-  std::vector<StampMatch> matches;
-  for (const Candidate& c : candidates) {
-    if (used_a[c.a] != 0 || used_b[c.b] != 0) continue;
-    used_a[c.a] = used_b[c.b] = 1;
-    matches.push_back({c.a, c.b});
+  std::sort(by_difference.begin(), by_difference.end());
+  constexpr std::size_t kFree = std::numeric_limits<std::size_t>::max();
+  std::vector<std::size_t> partner_of_first(first.size(), kFree);
+  std::vector<char> used(second.size(), 0);
+  for (const auto& [difference, i] : by_difference) {
+    const StampMatch& c = candidates[i];
+    if (partner_of_first[c.first] != kFree || used[c.second] != 0) continue;
+    partner_of_first[c.first] = c.second;
+    used[c.second] = 1;
   }
-  std::sort(matches.begin(), matches.end(), [](const StampMatch& x, const StampMatch& y) { return x.first < y.first; });
+  std::vector<StampMatch> matches;
+  for (std::size_t a = 0; a < first.size(); ++a) {
+    if (partner_of_first[a] != kFree) matches.push_back({a, partner_of_first[a]});
+  }
   return matches;
 }
 

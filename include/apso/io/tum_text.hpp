@@ -23,6 +23,7 @@
 
 #include <apso/config.hpp>
 #include <apso/evaluation/trajectory.hpp>
+#include <apso/math/se3.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -146,21 +147,41 @@ inline void warn(std::vector<std::string>* warnings, const std::string& text) {
   if (warnings != nullptr) warnings->push_back(text);
 }
 
-/// Sorts by time and keeps the first of equal stamps, with one warning for each of the two.
-template <class T, class Stamp>
-void sort_by_time(std::vector<T>& rows, Stamp&& stamp, const std::string& path, std::vector<std::string>* warnings) {
-  const auto earlier = [&](const T& a, const T& b) { return stamp(a) < stamp(b); };
-  if (!std::is_sorted(rows.begin(), rows.end(), earlier)) {
-    std::stable_sort(rows.begin(), rows.end(), earlier);
+/// The order in time of lines with these stamps, the first of equal stamps only; one warning if that is not the order of
+/// the file, and one for repeated stamps.
+inline std::vector<std::size_t> order_in_time(const std::vector<double>& stamps, const std::string& path,
+                                              std::vector<std::string>* warnings) {
+  std::vector<std::pair<double, std::size_t>> lines;  // equal stamps stay in the order of the file
+  bool sorted = true;
+  for (std::size_t i = 0; i < stamps.size(); ++i) {
+    sorted = sorted && (i == 0 || !(stamps[i] < stamps[i - 1]));
+    lines.emplace_back(stamps[i], i);
+  }
+  if (!sorted) {
+    std::sort(lines.begin(), lines.end());
     warn(warnings, path + ": timestamps are not in order, sorted");
   }
-  const auto last =
-      std::unique(rows.begin(), rows.end(), [&](const T& a, const T& b) { return stamp(a) == stamp(b); });
-  if (last != rows.end()) {
-    const std::string count = std::to_string(rows.end() - last);
-    warn(warnings, path + ": " + count + " repeated timestamp(s), the first of each is kept");
-    rows.erase(last, rows.end());
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    if (i == 0 || lines[i].first != lines[i - 1].first) order.push_back(lines[i].second);
   }
+  if (order.size() < stamps.size()) {
+    warn(warnings, path + ": " + std::to_string(stamps.size() - order.size()) +
+                       " repeated timestamp(s), the first of each is kept");
+  }
+  return order;
+}
+
+/// Sorts by time and keeps the first of equal stamps, with one warning for each of the two. (Sorting the lines themselves
+/// would cost every program that reads a file a second of the compiler's time for each kind of line.)
+template <class T, class Stamp>
+void sort_by_time(std::vector<T>& rows, Stamp&& stamp, const std::string& path, std::vector<std::string>* warnings) {
+  std::vector<double> stamps;
+  for (const T& row : rows) stamps.push_back(stamp(row));
+  std::vector<T> sorted;
+  sorted.reserve(rows.size());
+  for (std::size_t i : order_in_time(stamps, path, warnings)) sorted.push_back(std::move(rows[i]));
+  rows.swap(sorted);
 }
 }  // namespace detail
 
@@ -185,19 +206,19 @@ void sort_by_time(std::vector<T>& rows, Stamp&& stamp, const std::string& path, 
       detail::warn(warnings, reader.where() + bad + " is not finite, line skipped");
       continue;
     }
-    const Eigen::Vector4d xyzw(v[4], v[5], v[6], v[7]);
-    const double norm = xyzw.stableNorm();
+    double largest = 0;  // taken out, so that no square overflows
+    for (std::size_t i = 4; i < 8; ++i) largest = std::max(largest, std::abs(v[i]));
+    double squares = 0;
+    for (std::size_t i = 4; i < 8 && largest > 0; ++i) squares += (v[i] / largest) * (v[i] / largest);
+    const double norm = largest * std::sqrt(squares);
     if (!(norm > 1e-9)) throw io_error(reader.where() + "quaternion qx qy qz qw is zero, expected a unit quaternion");
     if (std::abs(norm - 1.0) > 1e-2 && !warned_norm) {
       warned_norm = true;
       detail::warn(warnings, reader.where() + "quaternion is not of unit length, normalised (this and later ones)");
     }
-    const Eigen::Vector4d unit = xyzw / norm;
     StampedPose pose;
     pose.timestamp = v[0];
-    pose.T_world_body.linear() =
-        Eigen::Quaterniond(unit(3), unit(0), unit(1), unit(2)).normalized().toRotationMatrix();
-    pose.T_world_body.translation() = Eigen::Vector3d(v[1], v[2], v[3]);
+    pose.T_world_body = make_pose(rotation(unit({v[7] / norm, v[4] / norm, v[5] / norm, v[6] / norm})), {v[1], v[2], v[3]});
     trajectory.push_back(pose);
   }
   if (trajectory.empty()) {
@@ -222,10 +243,9 @@ inline void write_trajectory(const std::string& path, const Trajectory& trajecto
   file.imbue(std::locale::classic());
   file << "# timestamp tx ty tz qx qy qz qw\n";
   for (const StampedPose& p : trajectory) {
-    const Eigen::Matrix3d R = p.T_world_body.linear();
-    Eigen::Quaterniond q = Eigen::Quaterniond(R).normalized();
-    if (q.w() < 0) q.coeffs() = -q.coeffs();
-    const Eigen::Vector3d t = p.T_world_body.translation();
+    Eigen::Quaterniond q = unit(quaternion(p.T_world_body));
+    if (q.w() < 0) q = {-q.w(), -q.x(), -q.y(), -q.z()};
+    const Eigen::Vector3d t = translation(p.T_world_body);
     file << std::fixed;
     file.precision(decimals);
     file << p.timestamp << std::defaultfloat;

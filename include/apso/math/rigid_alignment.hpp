@@ -84,7 +84,7 @@ struct HornAlignment {
     q = unit({vectors[0][3], vectors[1][3], vectors[2][3], vectors[3][3]});
   }
   const Eigen::Matrix3d R = rotation(q);
-  result.T_target_source = make_pose(R, mean_target - R * mean_source);
+  result.T_target_source = make_pose(R, minus(mean_target, times(R, mean_source)));
   return result;
 }
 
