@@ -519,7 +519,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> without;
   std::string recording, truth, camera;
   std::vector<int> steps{1, 2, 3, 5, 8};
-  int most_pairs = std::numeric_limits<int>::max();
+  int max_pairs = std::numeric_limits<int>::max();
   app.add_option("--views", views, "views of each set")->check(CLI::Range(1, 1000));
   app.add_option("--timed", timed, "pairs that are timed; 0 = none")->check(CLI::Range(0, 1000));
   app.add_option("--repeats", repeats, "times each is run")->check(CLI::Range(1, 1000));
@@ -531,7 +531,7 @@ int main(int argc, char** argv) {
   app.add_option("--truth", truth, "its trajectory");
   app.add_option("--camera", camera, "of the recording: tum-fr1, tum-fr2, tum-fr3, bonn or icl-nuim");
   app.add_option("--steps", steps, "distances of the frames of a pair");
-  app.add_option("--pairs", most_pairs, "most pairs of each distance, evenly spread; default all")->check(CLI::PositiveNumber);
+  app.add_option("--pairs", max_pairs, "maximum number of pairs per distance, evenly spaced (default: all)")->check(CLI::PositiveNumber);
   CLI11_PARSE(app, argc, argv);
 
   Methods methods;
@@ -623,7 +623,7 @@ int main(int argc, char** argv) {
   }
   if (!recording.empty()) {
     const apso::CameraModel model = apso::camera_by_name(camera);
-    score_recording(methods, recording, model, truth.empty() ? recording + "/groundtruth.txt" : truth, steps, most_pairs);
+    score_recording(methods, recording, model, truth.empty() ? recording + "/groundtruth.txt" : truth, steps, max_pairs);
     for (auto& m : methods) m->camera(maker.camera());
   }
   if (has("parts")) print_resources(maker, half, full, std::max(50, repeats));

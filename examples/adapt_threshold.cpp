@@ -1,4 +1,4 @@
-// Adaptive thresholds over scores of one's own: find a reference, then decide frame by frame. No image is read here.
+// Adaptive thresholds for your own scores: find a reference, then decide frame by frame. No image is read here.
 #include <cmath>
 #include <cstdio>
 #include <apso/threshold.hpp>

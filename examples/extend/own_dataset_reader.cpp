@@ -1,4 +1,4 @@
-// A data set of one's own: a reader in one file, whose images and poses go into the method as they are.
+// A reader for your own dataset, in one file; its images and poses are used directly.
 // Eigen is all this file needs.
 #include <cmath>
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Other people's types through the conformance checks: those taken in as they are, and the recipes of docs/integrate/types.md.
+// Foreign types through the conformance checks: those that work directly, and the recipes of docs/integrate/types.md.
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -177,7 +177,7 @@ TEST_CASE("poses of other systems conform") {
         }).text() == "");
 }
 
-TEST_CASE("a pose type that stores the inverse is caught when it is taken in as it is") {
+TEST_CASE("a pose type that stores the inverse is detected if it is used directly") {
   const auto stored = [](const host::TrackedPose& T, const Eigen::Vector3d& x) -> Eigen::Vector3d {
     return (T.Rcw * x.cast<float>() + T.tcw).cast<double>();
   };

@@ -158,7 +158,7 @@ struct apso::pose_traits<host::SE3Quat> {
 
 // [camera_from_world_traits]
 template <>
-struct apso::pose_traits<host::TrackedPose> {  // taken in as T_world_camera: the inverse of what is stored
+struct apso::pose_traits<host::TrackedPose> {  // read as T_world_camera: the inverse of what is stored
   using scalar = float;
   static Eigen::Matrix3f rotation(const host::TrackedPose& T) { return T.Rcw.transpose(); }
   static Eigen::Vector3f translation(const host::TrackedPose& T) { return -(T.Rcw.transpose() * T.tcw); }
