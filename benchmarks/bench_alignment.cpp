@@ -1,6 +1,9 @@
 // Cost of refinement: preparing a frame, aligning it to one or several references, blending.
 #include <benchmark/benchmark.h>
 
+#include <string>
+
+#include <apso/refinement/cost/tile_summer.hpp>
 #include <apso/refinement/refiner.hpp>
 
 #include "../tests/refinement/room.hpp"
@@ -42,6 +45,59 @@ void align(benchmark::State& state, int references, int finest, int max_pixels) 
   state.counters["iterations"] = result.iterations;
   state.counters["error_mm"] = 1e3 * room::translation_error(result.T_world_camera, s.truth);
 }
+
+// One pass over all pixels of the finest level by each kernel: warp, weigh, sum.
+void kernel(benchmark::State& state, apso::KernelKind kind) {
+  const Scene& s = scene();
+  apso::FramePyramid r, c;
+  r.build(s.reference.view(), s.camera, {}, {}, apso::PyramidRole::Reference);
+  c.build(s.current.view(), s.camera, {}, {}, apso::PyramidRole::Current);
+  const apso::RobustKernel robust{kind};
+  const apso::NoiseModel noise;
+  const apso::Warper warper(c.level(0), apso::inverse(s.truth), {}, {}, 1.0F, 1.0F);
+  const apso::PixelList& pixels = r.level(0).pixels;
+  apso::TileSummer summer(warper, apso::NoiseRef(noise), apso::KernelRef(robust), {});
+  apso::TileSums sums;
+  for (auto _ : state) {
+    for (const apso::PixelList::Tile& tile : pixels.tiles) {
+      summer(pixels, tile, sums);
+      benchmark::DoNotOptimize(sums);
+    }
+  }
+  state.SetItemsProcessed(state.iterations() * pixels.count);
+  state.counters["efficiency"] = apso::gaussian_efficiency(robust);  // share of the information of Gaussian residuals that it keeps
+}
+
+// A whole alignment by each kernel: how many iterations it takes is part of it.
+void align_by(benchmark::State& state, apso::KernelKind kind) {
+  const Scene& s = scene();
+  apso::FramePyramid r, c;
+  r.build(s.reference.view(), s.camera, {}, {}, apso::PyramidRole::Reference);
+  c.build(s.current.view(), s.camera, {}, {}, apso::PyramidRole::Current);
+  apso::AlignmentOptions options;
+  options.kernel.kind = kind;
+  apso::DirectAligner aligner(options);
+  apso::AlignmentResult result;
+  for (auto _ : state) {
+    result = aligner.align({{&r, apso::Pose::Identity(), 1.0}}, c, {apso::Pose::Identity()});
+    benchmark::DoNotOptimize(result);
+  }
+  state.counters["iterations"] = result.iterations;
+  state.counters["error_mm"] = 1e3 * room::translation_error(result.T_world_camera, s.truth);
+}
+
+const bool every_kernel = [] {
+  const auto names = apso::enum_names(apso::KernelKind{});
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto kind = static_cast<apso::KernelKind>(i);
+    const std::string name = names[i];
+    if (kind != apso::KernelKind::AdaptiveBarron) {  // the same loop as Barron's
+      benchmark::RegisterBenchmark(("kernel/" + name).c_str(), kernel, kind)->Unit(benchmark::kMicrosecond);
+    }
+    benchmark::RegisterBenchmark(("align_by/" + name).c_str(), align_by, kind)->Unit(benchmark::kMillisecond);
+  }
+  return true;
+}();
 
 void blend(benchmark::State& state) {
   const apso::Pose a = apso::Pose::Identity();
