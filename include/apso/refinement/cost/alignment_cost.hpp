@@ -10,8 +10,6 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include <apso/config.hpp>
 #include <apso/executor.hpp>
 #include <apso/math/kernels.hpp>
@@ -149,14 +147,7 @@ class AlignmentCost {
   [[nodiscard]] double mean(Buffer buffer, std::size_t step = 1) const {
     double cost = 0;
     double weight = 0;
-    for (std::size_t k = 0; k < used_; ++k) {
-      const CostTerm& t = terms_[k];
-      for (std::size_t i = 0; i < t.sums[buffer].size(); i += step) {
-        const double w = t.weight * static_cast<double>(t.labels[i]);
-        cost += w * static_cast<double>(t.sums[buffer][i].cost);
-        weight += w * static_cast<double>(t.sums[buffer][i].weight);
-      }
-    }
+    for (std::size_t k = 0; k < used_; ++k) terms_[k].add_cost(buffer, step, cost, weight);
     return weight > 0 ? cost / weight : std::numeric_limits<double>::infinity();
   }
   /// Of the accepted sums, for an increment of T_camera_world from the left.
@@ -197,14 +188,7 @@ class AlignmentCost {
   [[nodiscard]] double moving_share() const {
     double moving = 0;
     double all = 0;
-    for (std::size_t k = 0; k < used_; ++k) {
-      const CostTerm& t = terms_[k];
-      for (std::size_t i = 0; i < t.sums[kAccepted].size(); ++i) {
-        const double w = static_cast<double>(t.sums[kAccepted][i].weight);
-        all += w;
-        moving += w * (1 - static_cast<double>(t.labels[i]));
-      }
-    }
+    for (std::size_t k = 0; k < used_; ++k) terms_[k].add_moving(kAccepted, moving, all);
     return all > 0 ? moving / all : 0.0;
   }
 
@@ -233,7 +217,7 @@ class AlignmentCost {
           t.correlation = intensity_correlation(samples_.pairs, static_cast<double>(options_.noise.sigma_intensity), options_.depth_alone);
         }
       });
-      const TermScales found = scales_of_samples(t.scales, floor);
+      const TermScales found = samples_.scales(options_.scale, floor, t.scales);
       const auto differs = [&](double a, double b) { return std::abs(a - b) > tolerated * std::min(a, b); };
       const double brighter = std::abs(0.5 * static_cast<double>(light.gain - t.light.gain) +
                                        static_cast<double>(light.offset - t.light.offset));
@@ -303,25 +287,6 @@ class AlignmentCost {
                   current_->background());
   }
 
-  [[nodiscard]] TermScales scales_of_samples(TermScales s, double floor) {
-    s.scale_intensity = std::max(floor, samples_.intensity.scale);
-    s.scale_depth = std::max(floor, samples_.depth.scale);
-    if (options_.coupling == ScaleCoupling::Joint) {
-      std::vector<float>& all = samples_.joint_intensity;
-      const auto factor = static_cast<float>(std::sqrt(s.inner_weight()));
-      all.clear();
-      for (const float r : samples_.intensity.residuals) all.push_back(factor * r);
-      all.insert(all.end(), samples_.depth.residuals.begin(), samples_.depth.residuals.end());
-      s.scale_intensity = s.scale_depth = std::max(floor, robust_scale_in_place(options_.scale, all));
-    } else if (options_.coupling == ScaleCoupling::BivariateT && !samples_.joint_depth.empty()) {
-      const Eigen::Matrix2d sigma = bivariate_t_scale(samples_.joint_intensity, samples_.joint_depth);
-      s.scale_depth = std::max(floor, std::sqrt(sigma(1, 1)));
-      s.slope = sigma(0, 1) / (s.scale_depth * s.scale_depth);
-      s.scale_intensity = std::max(floor, std::sqrt(std::max(0.0, sigma(0, 0) - s.slope * sigma(0, 1))));
-    }
-    return s;
-  }
-
   // At the level that was entered, with the brightness as it is.
   Evidence weigh(const Pose& T_camera_world, const ExecutorRef& executor) {
     set_scales(0.5);
@@ -333,17 +298,10 @@ class AlignmentCost {
     double all = 0;
     for (std::size_t k = 0; k < used_; ++k) {
       const CostTerm& t = terms_[k];
-      const double both = t.scales.both();
-      const double charge = t.scales.charge(kernel_);
-      for (std::size_t i = 0; i < t.sums[kTrial].size(); ++i) {
-        const TileSums& s = t.sums[kTrial][i];
-        const auto depth = static_cast<double>(t.level->pixels.tiles[i].depth);
-        const double w = t.weight * depth * depth;
-        const double lost = static_cast<double>(s.lost);
-        against += w * std::max(0.0, static_cast<double>(s.cost) - charge * lost) / outlier;
-        seen += w * (static_cast<double>(s.weight) - both * lost);
-        all += w * static_cast<double>(s.weight);
-      }
+      const CostTerm::OverSurface o = t.over_surface(kTrial, t.scales.charge(kernel_));
+      against += o.cost / outlier;
+      seen += o.seen;
+      all += o.all;
     }
     Evidence e;
     if (seen > 0) e.contradicted = against / seen;

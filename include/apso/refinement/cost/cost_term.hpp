@@ -66,6 +66,43 @@ struct CostTerm {
     }
   }
 
+  /// Adds cost and divisor of every `step`-th tile, by the labels.
+  void add_cost(int buffer, std::size_t step, double& cost, double& divisor) const {
+    for (std::size_t i = 0; i < sums[buffer].size(); i += step) {
+      const double w = weight * static_cast<double>(labels[i]);
+      cost += w * static_cast<double>(sums[buffer][i].cost);
+      divisor += w * static_cast<double>(sums[buffer][i].weight);
+    }
+  }
+  /// Adds the part whose label says that it moves, and all.
+  void add_moving(int buffer, double& moving, double& all) const {
+    for (std::size_t i = 0; i < sums[buffer].size(); ++i) {
+      const auto w = static_cast<double>(sums[buffer][i].weight);
+      all += w;
+      moving += w * (1 - static_cast<double>(labels[i]));
+    }
+  }
+  /// Sums in which a tile counts by the surface that it shows, depth^2.
+  struct OverSurface {
+    double cost = 0;  ///< of what is seen
+    double seen = 0;  ///< divisor of that
+    double all = 0;   ///< the same with what left the view
+  };
+  /// \param charge cost of a lost pixel of weight 1
+  [[nodiscard]] OverSurface over_surface(int buffer, double charge) const {
+    OverSurface o;
+    for (std::size_t i = 0; i < sums[buffer].size(); ++i) {
+      const TileSums& s = sums[buffer][i];
+      const auto depth = static_cast<double>(level->pixels.tiles[i].depth);
+      const double w = weight * depth * depth;
+      const auto lost = static_cast<double>(s.lost);
+      o.cost += w * std::max(0.0, static_cast<double>(s.cost) - charge * lost);
+      o.seen += w * (static_cast<double>(s.weight) - scales.both() * lost);
+      o.all += w * static_cast<double>(s.weight);
+    }
+    return o;
+  }
+
  private:
   static constexpr int kParts = 16;         // most units of work that a reference gives at a level
   static constexpr int kSmallestPart = 16;  // blocks of pixels of the smallest

@@ -9,6 +9,8 @@
 #include <limits>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include <apso/config.hpp>
 #include <apso/executor.hpp>
 #include <apso/math/kernels.hpp>
@@ -16,6 +18,7 @@
 #include <apso/math/robust_scale.hpp>
 #include <apso/refinement/cost/illumination.hpp>
 #include <apso/refinement/cost/kernel_loop.hpp>
+#include <apso/refinement/cost/term_scales.hpp>
 #include <apso/refinement/cost/warped_pixels.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -152,8 +155,30 @@ class ResidualSamples {
     for (std::vector<float>* v : {&pairs.reference, &pairs.current, &pairs.inverse_sigma}) intensity.pick(*v);
   }
 
+  /// Robust scales of what was taken, after `estimate`.
+  /// \param floor smallest scale
+  /// \param s says of which residuals, and where alpha stands
+  [[nodiscard]] TermScales scales(ScaleKind kind, double floor, TermScales s) {
+    s.scale_intensity = std::max(floor, intensity.scale);
+    s.scale_depth = std::max(floor, depth.scale);
+    if (s.coupling == ScaleCoupling::Joint) {
+      const auto factor = static_cast<float>(std::sqrt(s.inner_weight()));
+      both_.clear();
+      for (const float r : intensity.residuals) both_.push_back(factor * r);
+      both_.insert(both_.end(), depth.residuals.begin(), depth.residuals.end());
+      s.scale_intensity = s.scale_depth = std::max(floor, robust_scale_in_place(kind, both_));
+    } else if (s.coupling == ScaleCoupling::BivariateT && !joint_depth.empty()) {
+      const Eigen::Matrix2d sigma = bivariate_t_scale(joint_intensity, joint_depth);
+      s.scale_depth = std::max(floor, std::sqrt(sigma(1, 1)));
+      s.slope = sigma(0, 1) / (s.scale_depth * s.scale_depth);
+      s.scale_intensity = std::max(floor, std::sqrt(std::max(0.0, sigma(0, 0) - s.slope * sigma(0, 1))));
+    }
+    return s;
+  }
+
  private:
   static constexpr int kShares = 4;  // units of work
+  std::vector<float> both_;
 };
 
 /// Finds the alpha of Barron's family that explains residuals best: minimises sum rho + n log Z(alpha) over alpha = -10, -9.9 ... 2,
