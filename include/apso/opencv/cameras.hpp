@@ -1,5 +1,5 @@
 /// \file
-/// Lens distortion removed from colour and depth images.
+/// Lens distortion removed from colour and depth images of type cv::Mat.
 #pragma once
 
 #include <cmath>
@@ -16,7 +16,8 @@ namespace opencv {
 using apso::camera_by_name;
 using apso::CameraModel;
 
-/// Maps distorted images to images of the plain pinhole camera; colour is interpolated, depth never is.
+/// Maps distorted images to images of the plain pinhole camera; colour is interpolated, depth never is. apso::Rectifier does
+/// the same for any image and camera type, in floating point; this one keeps 8-bit colour as it is, in fixed point.
 class Rectifier {
  public:
   explicit Rectifier(const CameraModel& camera) : identity_(!camera.distorted()) {

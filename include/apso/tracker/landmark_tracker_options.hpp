@@ -13,8 +13,8 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Settings of the tracker. Where nothing else is said, a value is the one that gave the smallest error on the synthetic
-/// recordings with seeds from 100 (docs/tracker.md).
+/// Settings of the tracker. Where no source is named the value was chosen by hand; docs/quality.md shows what the tracker
+/// reaches with it.
 struct LandmarkTrackerOptions {
   int levels = 8;                      ///< octaves of the keypoints: a setting of whoever finds them
   double scale_factor = 1.2;           ///< between octaves
