@@ -43,7 +43,7 @@ Outcome run(const std::string& command, const fs::path& folder) {
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, text.str()};
 }
 
-json read_json(const fs::path& file) { return json::parse(std::ifstream(file)); }
+[[maybe_unused]] json read_json(const fs::path& file) { return json::parse(std::ifstream(file)); }
 
 // A CSV file with a header. Fields in quotes may hold commas.
 struct Table {
