@@ -34,7 +34,7 @@ APSO_NAMESPACE_BEGIN
 /// \tparam Threshold         the rule for th_differ; see DecisionThreshold
 template <class FrameScores = PaperFrameScores, class ChangeScores = PaperChangeScores, class InitialThresholds = AdaptiveThresholds,
           class Threshold = DecisionThreshold>
-class BasicAssessor {
+class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
  public:
   using Options = BasicAssessorOptions<FrameScores, ChangeScores>;
   using Result = BasicAssessment<FrameScores, ChangeScores>;
@@ -155,7 +155,6 @@ class BasicAssessor {
   template <std::size_t... I>
   void score_frame(const FrameContext& c, std::index_sequence<I...>) {
     const auto one = [&](auto& score, auto& result, double weight) {
-      check_frame_score<std::decay_t<decltype(score)>>();
       result.value = score(c);
       result.weight = weight;
       result.measured = frame_scores_.measured(score);
@@ -170,7 +169,6 @@ class BasicAssessor {
   void remember(const FrameContext& c, std::index_sequence<I...>) {
     current_.timestamp = c.timestamp;
     current_.S_total = a_.S_total;
-    (check_change_score<std::decay_t<decltype(std::get<I>(change_scores_.each))>>(), ...);
     (std::get<I>(change_scores_.each).remember(c, std::get<I>(current_.memories)), ...);
   }
 

@@ -127,7 +127,7 @@ struct member_or<S, Member, Otherwise, std::void_t<Member<S>>> {
 template <class S>
 struct score_traits {
   static_assert(detail::detected_as_v<const char*, detail::score_name_t, S>,
-                "apso: a score needs `static constexpr const char* name = \"S_...\";`");
+                "apso: a score needs `static constexpr const char* name`, e.g. S_contrast");
   static_assert(detail::detected_v<detail::score_value_t, S>,
                 "apso: a score needs `using Value = apso::Quality;` (higher is better) or `using Value = apso::Deviation;`");
   using Value = typename S::Value;
@@ -178,6 +178,17 @@ constexpr void check_change_score() {
   static_assert(detail::detected_as_v<std::optional<typename S::Value>, detail::score_of_change_t, S>,
                 "apso: a score of change needs `std::optional<Value> operator()(const apso::ChangeContext<Memory>& frames);`");
 }
+
+namespace detail {
+/// The first base of a class that takes lists of scores, so that what a score lacks is said before anything else.
+template <class FrameScores, class ChangeScores>
+struct RequireScores;
+template <class... F, class... C>
+struct RequireScores<ScoreList<F...>, ScoreList<C...>> {
+  static_assert(((check_frame_score<F>(), true) && ...), "see above");
+  static_assert(((check_change_score<C>(), true) && ...), "see above");
+};
+}  // namespace detail
 
 /// True when T is one of the list.
 template <class T, class List>

@@ -73,14 +73,14 @@ APSO_NAMESPACE_BEGIN
   std::stable_sort(points.begin(), points.end(),
                    [](const Keypoint& a, const Keypoint& b) { return a.response > b.response; });
   const double n = std::min(static_cast<double>(points.size()), static_cast<double>(n_ref));
-  const double most = std::sqrt(area / n);
+  const double largest = std::sqrt(area / n);
   double low = 0;
-  double high = most;
+  double high = largest;
   for (int i = 0; i < 8; ++i) {
     const double r = 0.5 * (low + high);
     (r >= 1 && square_covering(points, r, width, height, kept) < 0.9 * n ? high : low) = r;
   }
-  return clamp01(low / (most * (1 - 1.0 / 256)));  // 8 bisections end at most that far below
+  return clamp01(low / (largest * (1 - 1.0 / 256)));  // 8 bisections end at most that far below
 }
 
 APSO_NAMESPACE_END
