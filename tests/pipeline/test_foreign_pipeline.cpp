@@ -231,3 +231,42 @@ TEST_CASE("a motion policy of the host's takes the place of the default one") {
   pipeline.reset();
   CHECK(calls == std::array<int, 3>{1, 1, 1});
 }
+
+namespace {
+// A score, a kernel and a policy of the host's, together.
+struct AlwaysHalf {
+  static constexpr const char* name = "S_half";
+  static constexpr double default_weight = 1;
+  using Value = Quality;
+  MaybeQuality operator()(const FrameContext&) const { return Quality(0.5); }
+};
+struct L2 {
+  template <class T>
+  T weight(const T&) const {
+    return T(1);
+  }
+  template <class T>
+  T rho(const T& s2) const {
+    return T(0.5) * s2;
+  }
+};
+using OwnAssessor = BasicAssessor<ScoreList<Feature, AlwaysHalf>, PaperChangeScores>;
+using OwnRefiner = BasicRefiner<BasicDirectAligner<L2>>;
+}  // namespace
+
+TEST_CASE("scores and a kernel of the host's take part in the pipeline") {
+  const Pinhole camera = testing::SyntheticSequence("walking_xyz", small_world()).camera();
+  using Own = BasicPipeline<Pose, GeometricMotion, OwnAssessor, OwnRefiner>;
+  Own::Options options;
+  options.assessor.initialisation.frames = 5;
+  Own pipeline(camera, options);
+  for (int i = 0; i < 13; ++i) {
+    const Host host(i);
+    pipeline.observe(host.frame.rgbd(), host.pose, host.tracks, host.detections);
+    const auto& assessment = pipeline.assess(host.keypoints, host.tracks, {host.pose, host.pose, true});
+    CHECK(assessment.get<AlwaysHalf>()->value() == 0.5);
+    pipeline.conclude();
+  }
+  CHECK(pipeline.report().state == SceneState::Bad);
+  CHECK(succeeded(pipeline.report().refinement.status));
+}

@@ -124,9 +124,6 @@ TEST_CASE("keypoints and detections: optional members have their documented fall
   CHECK(k.response == 0.5F);
   CHECK(k.angle == 0);
   CHECK(k.octave == 0);
-  std::vector<Keypoint> all;
-  copy_keypoints(std::vector<user::Corner>(3, user::Corner{1, 2, 3}), all);
-  CHECK(all.size() == 3);
 
   const Detection d = to_detection(user::Object{10, 20, 40, 60, 0.75F, 2, false});
   CHECK(d.box.width == 30);
@@ -137,7 +134,4 @@ TEST_CASE("keypoints and detections: optional members have their documented fall
   CHECK(std::isnan(d.motion_probability));
   CHECK(d.track_id == -1);
   CHECK(d.mask.empty());
-  std::vector<Detection> objects;
-  copy_detections(std::vector<Detection>(2, d), objects);
-  CHECK(objects.size() == 2);
 }

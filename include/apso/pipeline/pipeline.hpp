@@ -148,7 +148,7 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
     apso::validate(options, "pipeline");
     return options;
   }
-  // A type of the host's may have been rounded or may have drifted; apso's own is taken as it is.
+  // A pose of the host's type may have been rounded or may have drifted; apso's own is used unchanged.
   [[nodiscard]] static Pose taken(const PoseT& T) {
     if constexpr (std::is_same_v<PoseT, Pose>) {
       return T;

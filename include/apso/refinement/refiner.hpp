@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include <apso/config.hpp>
@@ -66,12 +67,16 @@ using Refinement = BasicRefinement<>;
 
 /// Refines the poses of bad frames, learns from good ones. Keeps its buffers: once the memory is full, neither kind of frame
 /// allocates anything.
-class Refiner {
+/// \tparam AlignerT a BasicDirectAligner, of a kernel and a noise model of your own if you like
+template <class AlignerT = DirectAligner>
+class BasicRefiner {
  public:
   using Input = RefinementInput<>;
 
-  explicit Refiner(const Pinhole& camera, const RefinerOptions& options = {})
-      : camera_(camera), options_(options), memory_(options.memory), aligner_(options.alignment) {
+  explicit BasicRefiner(const Pinhole& camera, const RefinerOptions& options = {})
+      : BasicRefiner(camera, options, AlignerT(options.alignment)) {}
+  BasicRefiner(const Pinhole& camera, const RefinerOptions& options, AlignerT aligner)
+      : camera_(camera), options_(options), memory_(options.memory), aligner_(std::move(aligner)) {
     camera_.validate();
     validate(options_, "refiner");
   }
@@ -226,7 +231,7 @@ class Refiner {
   Pinhole camera_;
   RefinerOptions options_;
   ReferenceMemory memory_;
-  DirectAligner aligner_;
+  AlignerT aligner_;
   FramePyramid pyramid_;
   DepthDescriber describe_;
   ReferenceMemory::Selection selection_;
@@ -235,5 +240,6 @@ class Refiner {
   RunningMedian scale_intensity_{kWindow}, scale_depth_{kWindow}, entropy_{kWindow};
   int good_frames_ = 0;
 };
+using Refiner = BasicRefiner<>;
 
 APSO_NAMESPACE_END

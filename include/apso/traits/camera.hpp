@@ -1,6 +1,6 @@
 /// \file
-/// How a camera model of yours is taken in: specialise camera_traits. Algorithms take it where it is a pinhole; the images of
-/// a lens with distortion are rectified first (rectifier.hpp).
+/// Cameras: specialise camera_traits for your camera model. Algorithms accept it if it is a pinhole; images of a lens with
+/// distortion are rectified first (rectifier.hpp).
 ///
 /// \code
 /// template <>

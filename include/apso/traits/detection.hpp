@@ -1,5 +1,5 @@
 /// \file
-/// How the output of your object detector is read: specialise detection_traits.
+/// Detections: specialise detection_traits for the output of your object detector.
 ///
 /// \code
 /// template <>
@@ -17,7 +17,6 @@
 
 #include <cstdint>
 #include <type_traits>
-#include <vector>
 
 #include <apso/config.hpp>
 #include <apso/traits/detail.hpp>
@@ -102,13 +101,6 @@ template <class DetectionT>
     d.mask = Traits::mask(detection);
   }
   return d;
-}
-
-/// Fills `out` from any range of detections; allocates only when `out` grows.
-template <class Range>
-void copy_detections(const Range& range, std::vector<Detection>& out) {
-  out.clear();
-  for (const auto& detection : range) out.push_back(to_detection(detection));
 }
 
 APSO_NAMESPACE_END

@@ -1,5 +1,5 @@
 /// \file
-/// How an image type of yours is taken in without a copy of the type: specialise image_traits.
+/// Images: specialise image_traits, and every algorithm reads your image type where it lies.
 ///
 /// \code
 /// template <>

@@ -1,5 +1,5 @@
 /// \file
-/// How a keypoint type of yours is read: specialise keypoint_traits.
+/// Keypoints: specialise keypoint_traits for your keypoint type.
 ///
 /// \code
 /// template <>
@@ -14,7 +14,6 @@
 #pragma once
 
 #include <type_traits>
-#include <vector>
 
 #include <apso/config.hpp>
 #include <apso/traits/detail.hpp>
@@ -83,13 +82,6 @@ template <class KeypointT>
   if constexpr (detail::detected_as_v<float, detail::keypoint_angle_t, KeypointT>) k.angle = Traits::angle(keypoint);
   if constexpr (detail::detected_as_v<int, detail::keypoint_octave_t, KeypointT>) k.octave = Traits::octave(keypoint);
   return k;
-}
-
-/// Fills `out` from any range of keypoints; allocates only when `out` grows.
-template <class Range>
-void copy_keypoints(const Range& range, std::vector<Keypoint>& out) {
-  out.clear();
-  for (const auto& keypoint : range) out.push_back(to_keypoint(keypoint));
 }
 
 APSO_NAMESPACE_END

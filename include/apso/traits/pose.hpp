@@ -1,5 +1,5 @@
 /// \file
-/// How a pose type of yours is taken in and given back: specialise pose_traits.
+/// Poses: specialise pose_traits, and every algorithm takes and returns your pose type.
 ///
 /// A pose T_a_b maps points of frame b into frame a, x_a = R x_b + t. Only R and t cross the border; exponentials and
 /// logarithms of other libraries are never asked for, since the order of a twist differs between them.

@@ -1,6 +1,5 @@
 /// \file
-/// How an entry of a trajectory of yours is read: specialise stamped_pose_traits. A std::pair of seconds and any pose
-/// needs no line.
+/// Entries of a trajectory: specialise stamped_pose_traits for yours. A std::pair of seconds and any pose works directly.
 ///
 /// \code
 /// template <>

@@ -1,5 +1,5 @@
 /// \file
-/// How a point track of yours is read: specialise track_traits.
+/// Point tracks: specialise track_traits for your track type.
 ///
 /// \code
 /// template <>
