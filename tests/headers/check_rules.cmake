@@ -81,6 +81,13 @@ foreach(header IN LISTS headers)
   if(NOT once)
     list(APPEND errors "${header}: #pragma once is missing")
   endif()
+  # One idea per header: about 300 lines.
+  file(READ ${include}/${header} text)
+  string(REGEX MATCHALL "\n" ends "${text}")
+  list(LENGTH ends length)
+  if(length GREATER 350)
+    list(APPEND errors "${header}: ${length} lines are too many; split it by idea")
+  endif()
 endforeach()
 
 # The umbrella names every header that needs Eigen only.
