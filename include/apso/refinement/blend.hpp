@@ -73,7 +73,7 @@ namespace detail {
   expects(form != BlendForm::InformationWeighted, "blend: InformationWeighted needs the information of both poses");
   if (form == BlendForm::ScrewLinear) return sclerp(T_direct, T_feature, w);
   return make_pose(rotation(slerp(quaternion(T_direct), quaternion(T_feature), w)),
-                   plus(times(1 - w, translation(T_direct)), times(w, translation(T_feature))));
+                   (1 - w) * translation(T_direct) + w * translation(T_feature));
 }
 
 // The maximum of two Gaussians around the poses. `feature` and `direct` are their information, with their weights.
@@ -125,8 +125,8 @@ template <class PoseT>
   check_pose<PoseT>();
   if (w >= 1) return T_feature;
   if (!(w > 0)) return T_direct;
-  return from_pose<PoseT>(detail::join_by_information(to_pose(T_feature), to_pose(T_direct), w, times(w, feature_information),
-                                                      times(1 - w, direct_information)));
+  return from_pose<PoseT>(detail::join_by_information(to_pose(T_feature), to_pose(T_direct), w, w * feature_information,
+                                                      (1 - w) * direct_information));
 }
 
 /// What is known of two poses besides themselves.
@@ -169,7 +169,7 @@ namespace detail {
     b.T_world_camera = T_direct;
   } else if (o.form == BlendForm::InformationWeighted) {
     b.T_world_camera = join_by_information(T_feature, T_direct, b.w_eff, feature_information(e.S_feature, b.w_eff),
-                                           times(1 - b.w_eff, e.direct_information));
+                                           (1 - b.w_eff) * e.direct_information);
   } else {
     b.T_world_camera = blend_poses(T_feature, T_direct, b.w_eff, o.form);
   }
