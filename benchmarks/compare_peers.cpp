@@ -465,6 +465,22 @@ void print_moving_shares(Methods& methods, Methods& masked, const pairs::PairMak
   std::fflush(stdout);
 }
 
+// The true pose at a time, between two poses no more than 0.1 s apart: positions along a straight line, directions by slerp.
+std::optional<apso::Pose> true_pose(const apso::Trajectory& truth, double t) {
+  const auto after = std::lower_bound(truth.begin(), truth.end(), t,
+                                      [](const apso::StampedPose& p, double stamp) { return p.timestamp < stamp; });
+  if (after == truth.end()) return std::nullopt;
+  if (after->timestamp == t) return after->T_world_body;
+  if (after == truth.begin()) return std::nullopt;
+  const apso::StampedPose& before = *(after - 1);
+  const double gap = after->timestamp - before.timestamp;
+  if (!(gap <= 0.1)) return std::nullopt;
+  const double s = (t - before.timestamp) / gap;
+  const Eigen::Quaterniond q = apso::slerp(apso::quaternion(before.T_world_body), apso::quaternion(after->T_world_body), s);
+  return apso::make_pose(apso::rotation(apso::unit(q)),
+                         (1.0 - s) * before.T_world_body.translation() + s * after->T_world_body.translation());
+}
+
 void score_recording(Methods& methods, const std::string& folder, const apso::opencv::CameraModel& camera,
                      const std::string& truth_file, const std::vector<int>& steps, int count) {
   const apso::opencv::RgbdSequence sequence(folder, camera);
@@ -482,8 +498,8 @@ void score_recording(Methods& methods, const std::string& folder, const apso::op
       const int i = count < most ? n * (most - 1) / std::max(1, count - 1) : n;
       const apso::opencv::SequenceFrame a = sequence.frame(i);
       const apso::opencv::SequenceFrame b = sequence.frame(i + steps[k]);
-      const std::optional<apso::Pose> Ta = apso::interpolate(truth, a.timestamp);
-      const std::optional<apso::Pose> Tb = apso::interpolate(truth, b.timestamp);
+      const std::optional<apso::Pose> Ta = true_pose(truth, a.timestamp);
+      const std::optional<apso::Pose> Tb = true_pose(truth, b.timestamp);
       if (!a.ok() || !b.ok() || !Ta || !Tb) continue;
       Pair p;
       p.T_current_reference = apso::inverse(*Tb) * *Ta;
