@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -271,6 +272,36 @@ TEST_CASE("the threshold found by calibration is the one that the decision finds
   CHECK(rule.value() < 0.70);
   CHECK(rule.value() > 0.45);
   CHECK(rule.value() == calibrate_threshold(S_final));
+}
+
+TEST_CASE("a table of scores and measurements holds all that calibration needs") {
+  const Image<float> depth(640, 480, 2.F);
+  std::vector<PointTrack> tracks;
+  for (int i = 0; i < 400; ++i) tracks.push_back({i, 16.F + 30.F * static_cast<float>(i % 20), 10.F + 20.F * static_cast<float>(i / 20), 0, 0, 5});
+  SceneAssessor assessor({525, 525, 319.5, 239.5, 640, 480});
+  std::vector<CalibrationSample> measured, read;
+  for (int n = 0; n < 40; ++n) {
+    for (PointTrack& t : tracks) t.x += 0.1F * static_cast<float>(n % 5);
+    AssessmentInput in;
+    in.frame = {n / 30.0, {}, depth};
+    in.tracks = &tracks;
+    measured.push_back({assessor.assess(in), false});
+    std::map<std::string, double> table;
+    for_each_score(measured.back().assessment, [&](const char* name, const auto& v, double, Better) { table[name] = v ? *v : std::nan(""); });
+    for_each_measurement(measured.back().assessment, [&](const std::string& name, double v) { table[name] = v; });
+    CalibrationSample s;
+    read_scores(s.assessment, [&](const std::string& name) { return table.at(name); });
+    CHECK(s.assessment.get<MotionChange>() == measured.back().assessment.get<MotionChange>());
+    CHECK_FALSE(s.assessment.get<Feature>());
+    read.push_back(s);
+  }
+  AssessorOptions a, b;
+  calibrate_scales(measured, a);
+  calibrate_scales(read, b);
+  CHECK(a.get<MotionChange>().scale_previous != MotionChangeOptions{}.scale_previous);
+  CHECK(a.get<MotionChange>().scale_previous == b.get<MotionChange>().scale_previous);
+  CHECK(a.get<MotionChange>().scale == b.get<MotionChange>().scale);
+  CHECK(a.get<DepthChange>().scale_mean == b.get<DepthChange>().scale_mean);
 }
 
 TEST_CASE("th_differ by rule") {

@@ -151,13 +151,17 @@ void for_each_score(const BasicAssessment<F, C>& a, Function&& f) {
   for_each_frame_score(a, f);
   for_each_change_score(a, f);
 }
-/// `f(std::string name, double value)` for whatever the scores measured, NaN where a score is missing; the names of
-/// measurements against the frame before begin with "step_".
+/// `f(std::string name, double value)` for whatever the scores measured, NaN where a score is missing. Names that begin
+/// with "step_" are the scores of change against the frame before, and what they measured.
 template <class F, class C, class Function>
 void for_each_measurement(const BasicAssessment<F, C>& a, Function&& f) {
   detail::for_each_result(a.frame_scores, [&](const auto& r) { detail::score_columns("", r, f); });
   detail::for_each_result(a.change_scores, [&](const auto& r) { detail::score_columns("", r, f); });
-  detail::for_each_result(a.step_scores, [&](const auto& r) { detail::score_columns("step_", r, f); });
+  detail::for_each_result(a.step_scores, [&](const auto& r) {
+    const std::string name = std::string("step_") + std::decay_t<decltype(r)>::Score::name;
+    f(name, r.value ? r.value->value() : std::numeric_limits<double>::quiet_NaN());
+    detail::score_columns("step_", r, f);
+  });
 }
 /// Fills the scores and measurements of an assessment from a table: `value(std::string column)` gives a number, NaN where
 /// there is none. The inverse of for_each_score and for_each_measurement.
