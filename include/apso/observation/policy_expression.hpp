@@ -24,7 +24,7 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Makes the policy of a name; `inner` is the argument in brackets, if there is one. Throws contract_error for a name it
+/// Makes the policy with a given name; `inner` is the argument in brackets, if there is one. Throws contract_error for a name it
 /// does not know, or an argument that is missing or not taken.
 using PolicyFactory = std::function<AnyMotionPolicy(const std::string& name, std::optional<AnyMotionPolicy> inner)>;
 
@@ -52,7 +52,7 @@ struct NamedPolicy {
   std::function<AnyMotionPolicy()> plain;
   std::function<AnyMotionPolicy(AnyMotionPolicy)> around;
 };
-/// Policies by name. Where a name is there twice the first one counts.
+/// Policies by name. Of two entries with the same name the first one counts.
 using PolicyTable = std::vector<NamedPolicy>;
 
 namespace detail {

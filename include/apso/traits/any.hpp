@@ -1,7 +1,7 @@
 /// \file
 /// Any image, frame, pose or list as a parameter of a function that is no template: what your types are is forgotten at the
-/// door, so that the code behind it is compiled once and can be virtual. Nothing is copied; an image is read row by row
-/// through one indirect call per row.
+/// door, so that the code behind it is compiled once and can be virtual. No image is copied; it is read row by row through
+/// one indirect call per row. A list of your elements is converted into a buffer of the function.
 ///
 /// \code
 /// void observe(const AnyFrame& frame, const AnyPose& T_world_camera, const AnyTracks& tracks) {

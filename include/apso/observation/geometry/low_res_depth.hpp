@@ -31,7 +31,7 @@ APSO_NAMESPACE_BEGIN
           std::max(1, camera.height / factor)};
 }
 
-/// Index of the small pixel that shows a point of the frame [px]; -1 outside of the image, and for a point that is nowhere.
+/// Index of the small pixel that shows a point of the frame [px]; -1 outside the image and for NaN.
 [[nodiscard]] inline int small_pixel(float x, float y, int factor, int width, int height) {
   const auto f = static_cast<float>(factor);
   const float u = (x + 0.5F) / f;

@@ -1,8 +1,8 @@
 /// \file
 /// From sparse tracks to surfaces: each pixel goes with the track that is nearest to it along its surface.
 ///
-/// Depth alone cannot see a body that slides along itself, as the trunk of a person who walks across the view: its old
-/// and its new place overlap, and every recent view saw "the same surface" there. The tracks on it know better.
+/// Depth alone cannot see a body that slides along itself, such as the trunk of a person who walks across the view: its old
+/// and its new place overlap, and every recent view saw "the same surface" there. The tracks on it show the motion.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,7 @@ APSO_NAMESPACE_BEGIN
 inline constexpr std::uint8_t kClaimedStatic = 1;
 
 /// Spreads tracks over connected depth, all at the same speed, so that a pixel goes with the track it is nearest to
-/// along the surface. Connected areas are given up where fewer than `least` moving tracks lie, or where these do not
+/// along the surface. Connected areas are dropped where fewer than `least` moving tracks lie, or where these do not
 /// move the same way: a track may cling to an edge where two surfaces cross, or wander over a dark surface.
 /// \param depth low-resolution depth [m], its pixels cover factor x factor pixels
 /// \param reach how far a track speaks for its surface [small px]
