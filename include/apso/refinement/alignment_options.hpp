@@ -56,7 +56,7 @@ struct AlignmentOptions {
   }
 };
 
-/// For every pixel at full size (PyramidOptions: finest = 0, selection.max_pixels = 0), where the depth of so many pixels is
+/// For every pixel at full size (PyramidOptions: finest = 0, max_pixels = 0), where the depth of so many pixels is
 /// the more exact of the two: it weighs a little more, and scales as small as the images allow.
 [[nodiscard]] inline AlignmentOptions dense_alignment() {
   AlignmentOptions o;
