@@ -1,6 +1,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <vector>
 
 #include <doctest/doctest.h>
 
@@ -132,4 +133,32 @@ TEST_CASE("a bound on the eigenvalues holds just where the smallest says so") {
   Eigen::Matrix<double, 6, 6> broken = positive<6>(random, 1);
   broken(4, 2) = std::numeric_limits<double>::quiet_NaN();
   CHECK_FALSE(eigenvalues_exceed(0.0, broken));
+}
+
+TEST_CASE("definite systems of any size are solved as Eigen solves them, and others are refused") {
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal(0, 1);
+  for (int n : {1, 2, 7, 36}) {
+    CAPTURE(n);
+    Eigen::MatrixXd M(n, n);
+    Eigen::VectorXd b(n);
+    for (int i = 0; i < n; ++i) {
+      b(i) = normal(random);
+      for (int j = 0; j < n; ++j) M(i, j) = normal(random);
+    }
+    const Eigen::MatrixXd A = M * M.transpose() + 0.1 * Eigen::MatrixXd::Identity(n, n);
+    std::vector<double> rows;
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j < n; ++j) rows.push_back(j <= i ? A(i, j) : std::numeric_limits<double>::quiet_NaN());  // never read
+    }
+    std::vector<double> x(b.data(), b.data() + n);
+    REQUIRE(solve_definite(rows, x));
+    CHECK((A * Eigen::Map<Eigen::VectorXd>(x.data(), n) - b).norm() < 1e-10 * b.norm() * A.norm());
+  }
+  std::vector<double> indefinite{1, 2, 2, 1};
+  std::vector<double> b{1, 1};
+  CHECK_FALSE(solve_definite(indefinite, b));
+  std::vector<double> undefined{std::numeric_limits<double>::quiet_NaN()};
+  std::vector<double> c{1};
+  CHECK_FALSE(solve_definite(undefined, c));
 }
