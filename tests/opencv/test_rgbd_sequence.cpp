@@ -137,7 +137,7 @@ TEST_CASE("a broken frame tells why and the next one is read") {
 TEST_CASE("rectified images: straight rays, depth never interpolated") {
   CameraModel camera = small_camera();
   camera.k1 = -0.2;
-  const Rectifier rectifier(camera);
+  const opencv::Rectifier rectifier(camera);
   cv::Mat distorted(24, 32, CV_16UC1);
   for (int y = 0; y < 24; ++y)
     for (int x = 0; x < 32; ++x) distorted.at<std::uint16_t>(y, x) = x < 16 ? 1000 : 5000;
