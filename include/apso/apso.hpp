@@ -3,6 +3,23 @@
 /// apso/io/..., apso/opencv/..., apso/sophus/..., apso/testing/...
 #pragma once
 
+// Traits first: the compiler then says what a type of yours lacks in its first lines, without a long list of headers before.
+#include <apso/traits/any.hpp>
+#include <apso/traits/byte_image.hpp>
+#include <apso/traits/camera.hpp>
+#include <apso/traits/concepts.hpp>
+#include <apso/traits/detection.hpp>
+#include <apso/traits/eigen_image.hpp>
+#include <apso/traits/frame.hpp>
+#include <apso/traits/image.hpp>
+#include <apso/traits/keypoint.hpp>
+#include <apso/traits/pose.hpp>
+#include <apso/traits/ranges.hpp>
+#include <apso/traits/rectifier.hpp>
+#include <apso/traits/rows.hpp>
+#include <apso/traits/stamped_pose.hpp>
+#include <apso/traits/track.hpp>
+
 #include <apso/align.hpp>
 #include <apso/blend.hpp>
 #include <apso/config.hpp>
@@ -148,21 +165,6 @@
 #include <apso/tracker/solvers/ransac_pose.hpp>
 #include <apso/tracker/solvers/windowed_adjustment.hpp>
 #include <apso/tracker/track_motion.hpp>
-#include <apso/traits/any.hpp>
-#include <apso/traits/byte_image.hpp>
-#include <apso/traits/camera.hpp>
-#include <apso/traits/concepts.hpp>
-#include <apso/traits/detection.hpp>
-#include <apso/traits/eigen_image.hpp>
-#include <apso/traits/frame.hpp>
-#include <apso/traits/image.hpp>
-#include <apso/traits/keypoint.hpp>
-#include <apso/traits/pose.hpp>
-#include <apso/traits/ranges.hpp>
-#include <apso/traits/rectifier.hpp>
-#include <apso/traits/rows.hpp>
-#include <apso/traits/stamped_pose.hpp>
-#include <apso/traits/track.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>
