@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <limits>
-#include <new>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -17,30 +16,9 @@
 #include <apso/traits/frame.hpp>
 #include <apso/traits/ranges.hpp>
 
+#include "../counting_allocator.hpp"
 #include "../foreign_types.hpp"
 #include "scene.hpp"
-
-namespace {
-std::size_t allocated = 0;  // bytes
-}
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // inlined, GCC 12 takes the free() below for a mistake
-#endif
-void* operator new(std::size_t n) {
-  allocated += n;
-  if (void* p = std::malloc(n == 0 ? 1 : n)) return p;
-  throw std::bad_alloc();
-}
-// std::stable_sort asks for memory like this
-void* operator new(std::size_t n, const std::nothrow_t&) noexcept {
-  try {
-    return operator new(n);
-  } catch (...) {
-    return nullptr;
-  }
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 
 namespace {
 using namespace apso;
@@ -104,16 +82,16 @@ void same_on_foreign_types(Policy native, Policy foreign_policy) {
     std::vector<PointTrack> tracks;
     (void)as_tracks(features, tracks);
     native.observe(both->native(), to_pose(T_foreign), tracks, a);
-    std::size_t before = allocated;
+    std::size_t before = counting::bytes;
     both->foreign_frame(k, [&](const auto& f) { foreign_policy.observe(f, T_foreign, features, b); });
-    std::size_t bytes = allocated - before;
+    std::size_t bytes = counting::bytes - before;
     REQUIRE(equal(a, b));
     moved = moved || dynamic_ratio(a) > 0;
     native.remember(both->native(), to_pose(T_foreign), a);
     both.emplace(s, k);  // the images of observe() are gone: the frame is another object now
-    before = allocated;
+    before = counting::bytes;
     both->foreign_frame(k, [&](const auto& f) { foreign_policy.remember(f, T_foreign, b); });
-    bytes += allocated - before;
+    bytes += counting::bytes - before;
     // warm, a policy allocates less than the smallest copy of an image, 8 bit grey, would take
     if (k >= 14) CHECK(bytes < static_cast<std::size_t>(camera().width) * static_cast<std::size_t>(camera().height));
   }
@@ -318,10 +296,10 @@ TEST_CASE("objects: the same on foreign depth, detections and tracks") {
     std::vector<PointTrack> tracks;
     (void)as_tracks(features, tracks);
     const std::vector<Detection> a = native.update(m, both.depth, detections, tracks);
-    const std::size_t before = allocated;
+    const std::size_t before = counting::bytes;
     std::vector<Detection> b;
     both.foreign_frame(k, [&](const auto& f) { b = other.update(m, f.depth(), boxes, features); });
-    if (k >= 8) CHECK(allocated - before < 320 * 240);
+    if (k >= 8) CHECK(counting::bytes - before < 320 * 240);
     REQUIRE(a.size() == 2);
     REQUIRE(b.size() == 2);
     for (std::size_t i = 0; i < 2; ++i) {

@@ -1,7 +1,5 @@
 // The pipeline copies a frame once, into memory that it keeps: foreign images cost no allocation of the size of an image.
 #include <cstddef>
-#include <cstdlib>
-#include <new>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -10,6 +8,7 @@
 #include <apso/testing/synthetic.hpp>
 #include <apso/traits/frame.hpp>
 
+#include "../counting_allocator.hpp"
 #include "../foreign_types.hpp"
 
 using namespace apso;
@@ -18,41 +17,12 @@ namespace {
 constexpr int kWidth = 320;
 constexpr int kHeight = 240;
 constexpr std::size_t kImage = kWidth * kHeight;  // bytes of the smallest image of this size
-bool counting = false;
-int images = 0;             // allocations of the size of an image
-std::size_t bytes = 0;     // bytes in them
-}  // namespace
 
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // inlined, GCC 12 takes the free() below for a mistake
-#endif
-void* operator new(std::size_t n) {
-  if (counting && n >= kImage) {
-    ++images;
-    bytes += n;
-  }
-  if (void* p = std::malloc(n == 0 ? 1 : n)) return p;
-  std::abort();
-}
-// std::stable_sort asks for memory like this
-void* operator new(std::size_t n, const std::nothrow_t&) noexcept {
-  try {
-    return operator new(n);
-  } catch (...) {
-    return nullptr;
-  }
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-
-namespace {
+// What f() allocates in pieces of the size of an image.
 template <class F>
-void count(const F& f) {
-  images = 0;
-  bytes = 0;
-  counting = true;
-  f();
-  counting = false;
+counting::Allocations images(F&& f) {
+  counting::large = kImage;
+  return counting::count(f);
 }
 testing::SyntheticSequence sequence() {
   testing::SyntheticOptions o;
@@ -70,11 +40,10 @@ TEST_CASE("the working copy is two images of float, made once") {
   const foreign::PaddedU16 raw = foreign::padded_u16(image.depth, 1 / 5000.0F);
   const auto now = frame(0, grey, scaled(raw, 1 / 5000.0F), s.camera());
   detail::WorkingCopy work;
-  count([&] { work.take(now, kWidth, kHeight); });
-  CHECK(images == 2);
-  CHECK(bytes == 2 * sizeof(float) * kImage);
-  count([&] { work.take(now, kWidth, kHeight); });
-  CHECK(images == 0);
+  const counting::Allocations first = images([&] { work.take(now, kWidth, kHeight); });
+  CHECK(first.large_number == 2);
+  CHECK(first.large_bytes == 2 * sizeof(float) * kImage);
+  CHECK(images([&] { work.take(now, kWidth, kHeight); }).large_number == 0);
 }
 
 TEST_CASE("a pipeline that is warm allocates no image, whatever the types of the host") {
@@ -97,7 +66,7 @@ TEST_CASE("a pipeline that is warm allocates no image, whatever the types of the
     const foreign::PaddedU16 raw = foreign::padded_u16(image.depth, 1 / 5000.0F);
     const auto T = from_pose<foreign::DualQuaternionPose>(image.T_world_camera);
     const bool bad = i % 10 >= 8;  // some frames are BAD, so that each module has met its work before
-    count([&] {
+    const counting::Allocations frame_costs = images([&] {
       pipeline.observe(frame(image.timestamp, grey, scaled(raw, 1 / 5000.0F), s.camera()), T);
       pipeline.assess(bad ? weak : good, none, {T, T, true});
       pipeline.conclude();
@@ -105,7 +74,7 @@ TEST_CASE("a pipeline that is warm allocates no image, whatever the types of the
     refined = refined || pipeline.report().refined;
     // the memory of references grows until it is full: it keeps pixels, not images of the host
     const bool remembered = pipeline.report().keyframe_allowed;
-    if (i >= 30 && !remembered) CHECK(images == 0);
+    if (i >= 30 && !remembered) CHECK(frame_costs.large_number == 0);
   }
   CHECK(refined);
 }

@@ -8,7 +8,6 @@
 #include <deque>
 #include <limits>
 #include <list>
-#include <new>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,29 +15,8 @@
 #include <apso/score.hpp>
 #include <apso/threshold.hpp>
 
+#include "../counting_allocator.hpp"
 #include "../foreign_types.hpp"
-
-namespace {
-std::size_t allocated = 0;  // bytes
-}
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // inlined, GCC 12 takes the free() below for a mistake
-#endif
-void* operator new(std::size_t n) {
-  allocated += n;
-  if (void* p = std::malloc(n == 0 ? 1 : n)) return p;
-  throw std::bad_alloc();
-}
-// std::stable_sort asks for memory like this
-void* operator new(std::size_t n, const std::nothrow_t&) noexcept {
-  try {
-    return operator new(n);
-  } catch (...) {
-    return nullptr;
-  }
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 
 namespace {
 using namespace apso;
@@ -172,9 +150,9 @@ TEST_CASE("no image is copied, whatever its type") {
   const auto corners = foreign::corners(room.keypoints);
   constexpr std::size_t image = std::size_t{Room::kWidth} * Room::kHeight;
   const auto bytes = [](auto&& f) {
-    const std::size_t before = allocated;
+    const std::size_t before = counting::bytes;
     f();
-    return allocated - before;
+    return counting::bytes - before;
   };
   CHECK(bytes([&] { (void)depth_score(scaled(raw, kUnit)); }) < image / 8);
   CHECK(bytes([&] { (void)measure_sharpness(scaled(grey, 1 / 255.F)); }) < image / 8);

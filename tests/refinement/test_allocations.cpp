@@ -1,7 +1,5 @@
 // What is allocated: nothing once the buffers have their size, and never an image to read an image.
 #include <cstddef>
-#include <cstdlib>
-#include <new>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -9,53 +7,15 @@
 #include <apso/refinement/align.hpp>
 #include <apso/refinement/refiner.hpp>
 
+#include "../counting_allocator.hpp"
 #include "../foreign_types.hpp"
 #include "room.hpp"
 
 using namespace apso;
+using counting::Allocations;
+using counting::count;
 
 namespace {
-struct Allocations {
-  int number = 0;
-  std::size_t bytes = 0;
-};
-bool counting = false;
-Allocations counted;
-}  // namespace
-
-// Counts what is allocated while `counting`; for this program alone.
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // inlined, GCC 12 takes the free() below for a mistake
-#endif
-void* operator new(std::size_t n) {
-  if (counting) {
-    ++counted.number;
-    counted.bytes += n;
-  }
-  if (void* p = std::malloc(n == 0 ? 1 : n)) return p;
-  std::abort();
-}
-// std::stable_sort asks for memory like this
-void* operator new(std::size_t n, const std::nothrow_t&) noexcept {
-  try {
-    return operator new(n);
-  } catch (...) {
-    return nullptr;
-  }
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-
-namespace {
-template <class F>
-Allocations count(const F& f) {
-  counted = {};
-  counting = true;
-  f();
-  counting = false;
-  return counted;
-}
-
 const Pinhole kCamera = room::camera(320);
 const Pose kTruth = room::pose(.02, -.01, .02, .5, -.7, .3);
 }  // namespace
