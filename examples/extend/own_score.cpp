@@ -24,8 +24,8 @@ struct Exposure {
   struct Measured {
     double clipped = 0;  // share of the pixels, [0,1]
     template <class Self, class V>
-    static void columns(Self& m, V&& v) {
-      v("clipped", m.clipped);
+    static void columns(Self& m, V&& column) {
+      column("clipped", m.clipped);
     }
   };
   Options options;

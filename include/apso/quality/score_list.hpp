@@ -17,7 +17,7 @@
 /// };
 /// \endcode
 /// A score of change has `struct Memory`, `void remember(const FrameContext&, Memory&)`, and
-/// `operator()(const ChangeContext<Memory>&)`. `Measured::columns` lists doubles like `fields` does: `v("S_cov", m.S_cov)`;
+/// `operator()(const ChangeContext<Memory>&)`. `Measured::columns` lists doubles like `fields` does: `column("S_cov", m.S_cov)`;
 /// a value that is not finite is not shown.
 #pragma once
 
@@ -69,6 +69,12 @@ struct Nothing {
   static void fields(Self&, V&&) {}
   template <class Self, class V>
   static void columns(Self&, V&&) {}
+};
+
+/// For scores that measure how many objects there are.
+struct CountedObjects : Nothing {
+  int objects = 0;
+  [[nodiscard]] std::string text() const { return std::to_string(objects) + (objects == 1 ? " object" : " objects"); }
 };
 
 namespace detail {

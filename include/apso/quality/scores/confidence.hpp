@@ -110,11 +110,7 @@ struct Confidence {
   static constexpr double default_weight = 0.10;  // it hardly tells which frames fail (docs/quality.md)
   using Value = Quality;
   using Options = ConfidenceOptions;
-  struct Measured {
-    int objects = 0;
-    template <class Self, class V>
-    static void columns(Self&, V&&) {}
-  };
+  using Measured = CountedObjects;
   Options options;
   Measured measured;
 
@@ -122,7 +118,7 @@ struct Confidence {
     measured.objects = static_cast<int>(frame.object_list().size());
     return confidence_score(frame.object_list(), frame.width(), frame.height(), options);
   }
-  static std::string reason(Quality, const Measured& m) { return std::to_string(m.objects) + (m.objects == 1 ? " object" : " objects"); }
+  static std::string reason(Quality, const Measured& m) { return m.text(); }
 };
 
 APSO_NAMESPACE_END

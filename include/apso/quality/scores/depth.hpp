@@ -131,10 +131,10 @@ struct Depth {
     double S_cons = 0;  ///< consistency, [0,1]
     double S_smo = 0;   ///< smoothness, [0,1]
     template <class Self, class V>
-    static void columns(Self& m, V&& v) {
-      v("S_cov", m.S_cov);
-      v("S_cons", m.S_cons);
-      v("S_smo", m.S_smo);
+    static void columns(Self& m, V&& column) {
+      column("S_cov", m.S_cov);
+      column("S_cons", m.S_cons);
+      column("S_smo", m.S_smo);
     }
   };
   Options options;

@@ -145,10 +145,10 @@ struct DepthChange {
     double spread = 0;   ///< relative
     double overlap = 0;  ///< rho_v, [0,1]
     template <class Self, class V>
-    static void columns(Self& m, V&& v) {
-      v("depth_mean", m.mean);
-      v("depth_spread", m.spread);
-      v("depth_overlap", m.overlap);
+    static void columns(Self& m, V&& column) {
+      column("depth_mean", m.mean);
+      column("depth_spread", m.spread);
+      column("depth_overlap", m.overlap);
     }
   };
   Options options;

@@ -69,14 +69,14 @@ struct Feature {
     double S_sharp = std::numeric_limits<double>::quiet_NaN();  ///< sharpness, [0,1]; NaN without an intensity image
     double response_reference = 0;  ///< s_ref, with its floor
     template <class Self, class V>
-    static void columns(Self& m, V&& v) {
-      v("keypoints_static", m.static_keypoints);
-      v("S_cnt", m.S_cnt);
-      v("S_resp", m.S_resp);
-      v("S_unif", m.S_unif);
-      v("S_sharp", m.S_sharp);
-      v("sharp_x", m.sharpness.ratio_x);
-      v("sharp_y", m.sharpness.ratio_y);
+    static void columns(Self& m, V&& column) {
+      column("keypoints_static", m.static_keypoints);
+      column("S_cnt", m.S_cnt);
+      column("S_resp", m.S_resp);
+      column("S_unif", m.S_unif);
+      column("S_sharp", m.S_sharp);
+      column("sharp_x", m.sharpness.ratio_x);
+      column("sharp_y", m.sharpness.ratio_y);
     }
   };
   Options options;

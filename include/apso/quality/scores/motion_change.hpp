@@ -147,9 +147,9 @@ struct MotionChange {
     int tracks = 0;            ///< points followed since the other frame
     int reference_points = 0;  ///< points the other frame had
     template <class Self, class V>
-    static void columns(Self& m, V&& v) {
-      v("flow", m.flow);
-      v("track_overlap", m.overlap);
+    static void columns(Self& m, V&& column) {
+      column("flow", m.flow);
+      column("track_overlap", m.overlap);
     }
   };
   struct Memory {

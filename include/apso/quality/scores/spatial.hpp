@@ -174,11 +174,7 @@ struct Spatial {
   static constexpr double default_weight = 0.10;  // it hardly tells which frames fail (docs/quality.md)
   using Value = Quality;
   using Options = SpatialOptions;
-  struct Measured {
-    int objects = 0;
-    template <class Self, class V>
-    static void columns(Self&, V&&) {}
-  };
+  using Measured = CountedObjects;
   Options options;
   Measured measured;
 
@@ -186,7 +182,7 @@ struct Spatial {
     measured.objects = static_cast<int>(frame.object_list().size());
     return spatial_score(frame.object_list(), frame.width(), frame.height(), options, scratch_);
   }
-  static std::string reason(Quality, const Measured& m) { return std::to_string(m.objects) + (m.objects == 1 ? " object" : " objects"); }
+  static std::string reason(Quality, const Measured& m) { return m.text(); }
 
  private:
   std::vector<float> scratch_;
