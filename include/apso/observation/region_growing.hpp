@@ -29,6 +29,40 @@ struct RegionScratch {
   Image<std::uint8_t> distance;
 };
 
+/// Spreads from the pixels in `scratch.queue` to 4-neighbours that are connected to them in depth: breadth first, so that a
+/// pixel goes with the seed that is nearest along its surface. The seeds have their depth in `origin` and 0 in `distance`.
+/// \param reach      largest number of steps [px], < 255
+/// \param depth_span largest difference to the depth of the seed [m]
+/// \param open       open(j): pixel j may still be taken
+/// \param take       take(j, i): pixel j is taken, coming from pixel i
+template <class Open, class Take>
+void spread_along_surfaces(const Image<float>& depth, int reach, float depth_span, RegionScratch& scratch, Open&& open, Take&& take) {
+  const int w = depth.width();
+  const int h = depth.height();
+  auto& queue = scratch.queue;
+  for (std::size_t k = 0; k < queue.size(); ++k) {
+    const int i = queue[k];
+    const int x = i % w;
+    const int y = i / w;
+    const int step = scratch.distance.data()[i] + 1;
+    if (step > reach || step >= 255) continue;
+    const float z = depth.data()[i];
+    const float z0 = scratch.origin.data()[i];
+    const auto visit = [&](int j) {
+      const float zj = depth.data()[j];
+      if (!open(j) || !depth_connected(z, zj) || std::abs(zj - z0) > depth_span) return;
+      take(j, i);
+      scratch.origin.data()[j] = z0;
+      scratch.distance.data()[j] = static_cast<std::uint8_t>(step);
+      queue.push_back(j);
+    };
+    if (x > 0) visit(i - 1);
+    if (x + 1 < w) visit(i + 1);
+    if (y > 0) visit(i - w);
+    if (y + 1 < h) visit(i + w);
+  }
+}
+
 /// Spreads `mask` over pixels that `may_join` and are connected to it in depth.
 /// \param reach largest number of steps [px], < 255
 /// \param depth_span largest difference to the depth of the pixel the growth started from [m]
@@ -46,28 +80,9 @@ inline void grow_region(const Image<float>& depth, const Image<std::uint8_t>& ma
     scratch.origin.data()[i] = depth.data()[i];
     scratch.distance.data()[i] = 0;
   }
-  for (std::size_t k = 0; k < queue.size(); ++k) {
-    const int i = queue[k];
-    const int x = i % w;
-    const int y = i / w;
-    const int step = scratch.distance.data()[i] + 1;
-    if (step > reach || step >= 255) continue;
-    const float z = depth.data()[i];
-    const float z0 = scratch.origin.data()[i];
-    const auto visit = [&](int j) {
-      if (mask.data()[j] != 0 || may_join.data()[j] == 0) return;
-      const float zj = depth.data()[j];
-      if (!depth_connected(z, zj) || std::abs(zj - z0) > depth_span) return;
-      mask.data()[j] = 1;
-      scratch.origin.data()[j] = z0;
-      scratch.distance.data()[j] = static_cast<std::uint8_t>(step);
-      queue.push_back(j);
-    };
-    if (x > 0) visit(i - 1);
-    if (x + 1 < w) visit(i + 1);
-    if (y > 0) visit(i - w);
-    if (y + 1 < h) visit(i + w);
-  }
+  spread_along_surfaces(
+      depth, reach, depth_span, scratch, [&](int j) { return mask.data()[j] == 0 && may_join.data()[j] != 0; },
+      [&](int j, int) { mask.data()[j] = 1; });
 }
 
 /// Calls `visit(first, last)` with the pixel indices of every connected component (4-neighbours that satisfy

@@ -57,27 +57,9 @@ inline void claim_surfaces(const std::vector<FlowPoint>& points, const Image<flo
     scratch.distance.data()[i] = 0;
     queue.push_back(i);
   }
-  for (std::size_t k = 0; k < queue.size(); ++k) {
-    const int i = queue[k];
-    const int x = i % w;
-    const int y = i / w;
-    const int step = scratch.distance.data()[i] + 1;
-    if (step > reach || step >= 255) continue;
-    const float z = depth.data()[i];
-    const float z0 = scratch.origin.data()[i];
-    const auto visit = [&](int j) {
-      const float zj = depth.data()[j];
-      if (claims.data()[j] != 0 || !depth_connected(z, zj) || std::abs(zj - z0) > depth_span) return;
-      claims.data()[j] = claims.data()[i];
-      scratch.origin.data()[j] = z0;
-      scratch.distance.data()[j] = static_cast<std::uint8_t>(step);
-      queue.push_back(j);
-    };
-    if (x > 0) visit(i - 1);
-    if (x + 1 < w) visit(i + 1);
-    if (y > 0) visit(i - w);
-    if (y + 1 < h) visit(i + w);
-  }
+  spread_along_surfaces(
+      depth, reach, depth_span, scratch, [&](int j) { return claims.data()[j] == 0; },
+      [&](int j, int i) { claims.data()[j] = claims.data()[i]; });
   // The moving tracks of each area, by the mark it leaves in `distance`.
   scratch.distance.assign(w, h, 0);
   int areas = 0;
