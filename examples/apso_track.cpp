@@ -224,7 +224,7 @@ void Run::process(int i) {
   ms.observe = watch.lap();
 
   const apso::StaticSupport support = apso::static_support(observation.mask.probability, tracker.keypoints());
-  const bool soften = !support.enough(options_.soft_weights);
+  const bool soften = !support.enough();
   if (soften) {  // too little is left: what is dynamic counts a little
     soft_ = observation.mask.probability;
     record_.softened += apso::soften(tracker.keypoints(), options_.soft_weights, soft_) ? 1 : 0;

@@ -16,22 +16,21 @@
 APSO_NAMESPACE_BEGIN
 
 struct SoftWeightOptions {
-  int minimum_points = 60;  ///< static keypoints that are enough for a pose; 0 = always enough
   double weight = 0.1;      ///< weight a dynamic point keeps when there are not enough, [0,1]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
-    v("minimum_points", s.minimum_points, 0, 100000);
     v("weight", s.weight, 0.0, 1.0);
   }
 };
 
 /// How many keypoints the mask leaves.
 struct StaticSupport {
+  static constexpr int kMinimumPoints = 60;     ///< static keypoints that are enough for a pose
   static constexpr double kMinimumShare = 0.1;  ///< share of all keypoints that must be static as well
   int points = 0;         ///< all keypoints inside the image
   int static_points = 0;  ///< those on pixels with a dynamic probability below 0.5
-  [[nodiscard]] bool enough(const SoftWeightOptions& o) const {
-    return static_points >= o.minimum_points && static_points >= kMinimumShare * points;
+  [[nodiscard]] bool enough() const {
+    return static_points >= kMinimumPoints && static_points >= kMinimumShare * points;
   }
 };
 
@@ -60,7 +59,7 @@ struct StaticSupport {
 /// minus the probability has something left to estimate a pose from; robust estimation sorts out which of them rest.
 /// \returns whether it did
 inline bool soften(const AnyKeypoints& keypoints, const SoftWeightOptions& options, Image<float>& probability) {
-  if (static_support(probability, keypoints).enough(options)) return false;
+  if (static_support(probability, keypoints).enough()) return false;
   const auto limit = static_cast<float>(1.0 - options.weight);
   for (std::size_t i = 0; i < probability.size(); ++i) probability.data()[i] = std::min(probability.data()[i], limit);
   return true;

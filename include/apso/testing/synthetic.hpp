@@ -39,6 +39,9 @@
 APSO_NAMESPACE_BEGIN
 namespace testing {
 
+inline constexpr double kExposureTime = 0.012;  ///< of the synthetic camera [s]
+inline constexpr double kImageNoise = 2.0;      ///< of the synthetic camera: standard deviation [grey values of 255]
+
 /// Settings of a synthetic recording.
 struct SyntheticOptions {
   int frames = 300;              ///< length, at 30 Hz
@@ -49,8 +52,6 @@ struct SyntheticOptions {
   bool noise = true;             ///< noise of colour and depth, holes in the depth; false: exact
   bool blur = true;              ///< motion blur
   bool exposure_drift = true;    ///< slow brightness changes of up to about 10 %
-  double exposure_time = 0.012;  ///< exposure time [s]
-  double image_noise = 2.0;      ///< standard deviation of the noise [grey values of 255]
 
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
@@ -62,8 +63,6 @@ struct SyntheticOptions {
     v("noise", s.noise);
     v("blur", s.blur);
     v("exposure_drift", s.exposure_drift);
-    v("exposure_time", s.exposure_time, 0.0, 0.033);
-    v("image_noise", s.image_noise, 0.0, 50.0);
   }
 };
 
@@ -188,8 +187,8 @@ class SyntheticSequence {
     }
     if (stress_.active()) gain *= stress_.light(t);
     const std::uint64_t seed = hash64(options_.seed + 0x5EED00000000ULL * static_cast<std::uint64_t>(i + 1));
-    const double shutter = stress_.exposure(t, options_.blur ? options_.exposure_time : 0.0);
-    expose(drawn, faces, camera_, motion, shutter, gain, options_.noise ? options_.image_noise : 0.0, seed, normal_,
+    const double shutter = stress_.exposure(t, options_.blur ? kExposureTime : 0.0);
+    expose(drawn, faces, camera_, motion, shutter, gain, options_.noise ? kImageNoise : 0.0, seed, normal_,
            out.rgb, out.intensity, stress_.active() ? 64 : 12);
     if (options_.noise) {
       sense_depth(drawn, renderer, camera_, seed, normal_, out.depth);

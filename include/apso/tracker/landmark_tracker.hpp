@@ -44,7 +44,7 @@ class BasicLandmarkTracker {
       : camera_(camera),
         options_(options),
         matcher_(camera, Octaves{options.levels, options.scale_factor}),
-        decision_(options.keyframe_interval, options.keyframe_share) {
+        decision_(options.keyframe_interval, kKeyframeShare) {
     check_pose<PoseT>();
     camera_.validate();
     validate(options_, "tracker");
@@ -167,13 +167,13 @@ class BasicLandmarkTracker {
     }
     track_inliers_ = motion_.find_pose(camera_, T_world_previous_, moved_on(), frame_seed(), T_world_predicted_);
     found.T_world_camera = T_world_predicted_;
-    matcher_.collect(map_, seen_, options_.window_keyframes);
+    matcher_.collect(map_, seen_, kWindowKeyframes);
     search_near_prediction(found);
     if (!accepted(found)) {
       RelocalisationInput lost;
       lost.T_world_predicted = T_world_predicted_;
       lost.lost = misses_ > 0;
-      lost.window = options_.window_keyframes;
+      lost.window = kWindowKeyframes;
       lost.min_inliers = kMinInliersRelocalised;
       lost.min_inliers_last = needed_inliers(false);
       lost.seed = frame_seed();
@@ -183,7 +183,7 @@ class BasicLandmarkTracker {
     if (!ok_) {
       found.T_world_camera = T_world_predicted_;
       if (succeeded(found.status)) found.status = Status::TooFewMatches;
-      ok_ = from_tracks_ = track_inliers_ >= options_.min_track_inliers && misses_ < options_.max_frames_on_tracks;
+      ok_ = from_tracks_ = track_inliers_ >= kMinimumTrackInliers && misses_ < options_.max_frames_on_tracks;
       if (ok_) found.status = Status::Converged;
     }
     return result(found);
@@ -264,8 +264,7 @@ class BasicLandmarkTracker {
     input.max_sigma = 5 * options_.inverse_depth_sigma;  // more is an edge, and its depth may be of either side
     const int k = new_keyframe(camera_, features_, matcher_.matches(), input, map_);
     decision_.made();
-    if (options_.adjusted_keyframes > 0)
-      adjust_last_keyframes(camera_, matcher_.octaves(), options_.adjusted_keyframes, map_, marks_);
+    adjust_last_keyframes(camera_, matcher_.octaves(), kAdjustedKeyframes, map_, marks_);
     seen_.clear();
     for (int l : map_.keyframe(k).landmark)
       if (l >= 0) {

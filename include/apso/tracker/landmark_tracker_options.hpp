@@ -13,6 +13,12 @@
 
 APSO_NAMESPACE_BEGIN
 
+inline constexpr int kWindowKeyframes = 10;      ///< of the local map; as many again that see the same landmarks
+inline constexpr int kAdjustedKeyframes = 6;     ///< poses refined by bundle adjustment at a new keyframe
+inline constexpr int kMinimumTrackInliers = 15;  ///< tracks that must agree to carry the pose where the map fails
+/// A keyframe is due when inliers fall below this share of the most since the last (ORB-SLAM2).
+inline constexpr double kKeyframeShare = 0.75;
+
 /// Settings of the tracker. Where no source is named the value was chosen by hand; docs/quality.md shows what the tracker
 /// reaches with it.
 struct LandmarkTrackerOptions {
@@ -22,13 +28,9 @@ struct LandmarkTrackerOptions {
   double landmark_depth = 5.0;         ///< landmarks are created up to here [m]
   double inverse_depth_sigma = 0.003;  ///< of a depth measurement: noise, registration, time offset [1/m]
   double dynamic_threshold = 0.5;      ///< features at least this likely to be dynamic are not used
-  int window_keyframes = 10;           ///< of the local map; as many again that see the same landmarks
-  int adjusted_keyframes = 6;          ///< poses refined by bundle adjustment at a new keyframe; 0 = none
   int min_inliers = 30;                ///< of the local map, for a valid pose (ORB-SLAM2)
-  int min_track_inliers = 15;          ///< tracks that must agree to carry the pose where the map fails
   int max_frames_on_tracks = 15;       ///< frames in a row that tracks may carry it; errors add up
-  double keyframe_interval = 1.0;      ///< a keyframe is due after this time [s] (ORB-SLAM2: the frame rate)
-  double keyframe_share = 0.75;        ///< ... or when inliers fall below this share of the most since the last (ORB-SLAM2)
+  double keyframe_interval = 1.0;      ///< a keyframe is due after this time [s] (ORB-SLAM2: the frame rate), or when kKeyframeShare says so
   int max_keyframes = 300;             ///< older ones are forgotten
   std::uint64_t seed = 1;              ///< of RANSAC
   template <class Self, class V>
@@ -44,13 +46,9 @@ struct LandmarkTrackerOptions {
     v("landmark_depth", s.landmark_depth, 0.1, 1000.0);
     v("inverse_depth_sigma", s.inverse_depth_sigma, 1e-6, 1.0);
     v("dynamic_threshold", s.dynamic_threshold, 0.01, 1.0);
-    v("window_keyframes", s.window_keyframes, 1, 100);
-    v("adjusted_keyframes", s.adjusted_keyframes, 0, 50);
     v("min_inliers", s.min_inliers, 3, 10000);
-    v("min_track_inliers", s.min_track_inliers, 3, 10000);
     v("max_frames_on_tracks", s.max_frames_on_tracks, 0, 1000000);
     v("keyframe_interval", s.keyframe_interval, 0.0, 1000.0);
-    v("keyframe_share", s.keyframe_share, 0.0, 1.0);
     v("max_keyframes", s.max_keyframes, 2, 100000);
     v("seed", s.seed, std::uint64_t{0}, ~std::uint64_t{0});
   }

@@ -21,15 +21,14 @@
 
 APSO_NAMESPACE_BEGIN
 
+inline constexpr int kMinimumObjectPixels = 600;  ///< smaller regions of the mask are no objects [px]: a tenth of a person at 6 m
+inline constexpr double kObjectDepthGap = 0.25;   ///< regions are cut where neighbouring depths differ by more [m]: the depth of a body
+
 struct ObjectTrackerOptions {
-  int min_pixels = 600;       ///< smaller regions of the mask are no objects [px]: a tenth of a person at 6 m
-  double depth_gap = 0.25;    ///< regions are cut where neighbouring depths differ by more [m]: the depth of a body
   int max_missed = 10;        ///< frames an identity is kept without being seen: a third of a second
   double keep = 0.6;          ///< share of its past motion probability an object keeps per frame
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
-    v("min_pixels", s.min_pixels, 1, 100000000);
-    v("depth_gap", s.depth_gap, 0.0, 100.0);
     v("max_missed", s.max_missed, 0, 100000);
     v("keep", s.keep, 0.0, 0.99);
   }
@@ -67,8 +66,8 @@ class ObjectTracker {
       if (!(d.motion_probability == d.motion_probability)) objects_.back().motion_probability = mean_probability(mask, d);
     }
     grid_.sample(w, h, depth, row_);
-    prediction_.predict(grid_, mask, tracks.in(tracks_), options_.depth_gap, known_);
-    segmentation_.cut(grid_, mask, prediction_, known_.size(), options_.min_pixels, options_.depth_gap);
+    prediction_.predict(grid_, mask, tracks.in(tracks_), kObjectDepthGap, known_);
+    segmentation_.cut(grid_, mask, prediction_, known_.size(), kMinimumObjectPixels, kObjectDepthGap);
     add_pieces(mask);
     identify();
     unite();
@@ -118,7 +117,7 @@ class ObjectTracker {
     object_of_piece_.assign(pieces.size(), 0);
     for (std::size_t p = 0; p < pieces.size(); ++p) {
       const ObjectPiece& piece = pieces[p];
-      if (piece.pixels * kObjectStep * kObjectStep < options_.min_pixels) continue;
+      if (piece.pixels * kObjectStep * kObjectStep < kMinimumObjectPixels) continue;
       bool explained = false;
       for (std::size_t k = 0; k < given; ++k) explained = explained || covered_[p * given + k] >= kCovered * piece.pixels;
       if (explained) continue;
@@ -141,7 +140,7 @@ class ObjectTracker {
 
   // Objects get the identity of the known one they match, or a new one.
   void identify() {
-    matching_.match(grid_, prediction_, objects_, object_, known_, options_.depth_gap);
+    matching_.match(grid_, prediction_, objects_, object_, known_, kObjectDepthGap);
     std::vector<int>& match = matching_.match();
     for (KnownObject& k : known_) ++k.missed;
     for (std::size_t o = 0; o < objects_.size(); ++o) {

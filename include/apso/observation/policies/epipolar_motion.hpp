@@ -27,15 +27,15 @@
 
 APSO_NAMESPACE_BEGIN
 
+inline constexpr double kEpipolarSpan = 0.2;  ///< tracks are compared with where they were this long ago [s]: a fast turn stays in view
+
 struct EpipolarMotionOptions {
   DepthRange depth;            ///< depth that is used
-  double span = 0.2;           ///< tracks are compared with where they were this long ago [s]
   double moving = 2.5;         ///< a track this far from its line, or from its prediction, moves as likely as not [px]
   int dilation = 4;            ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("depth", s.depth);
-    v("span", s.span, 0.0, 10.0);
     v("moving", s.moving, 0.01, 100.0);
     v("dilation", s.dilation, 0, 200);
   }
@@ -112,7 +112,7 @@ class EpipolarMotion : public PolicyOperators {
   [[nodiscard]] const Snapshot* reference() const {
     const Snapshot* best = history_.empty() ? nullptr : &history_.front();
     for (const Snapshot& s : history_) {
-      if (clock_.now() - s.time >= options_.span) best = &s;
+      if (clock_.now() - s.time >= kEpipolarSpan) best = &s;
     }
     return best;
   }
@@ -121,7 +121,7 @@ class EpipolarMotion : public PolicyOperators {
     return i >= 0 ? depth_.data()[i] : 0.0F;
   }
   void keep(const std::vector<PointTrack>& tracks, const Pose& T_world_camera) {
-    while (history_.size() > 1 && (history_.size() >= kMaximum || clock_.now() - history_[1].time >= options_.span)) {
+    while (history_.size() > 1 && (history_.size() >= kMaximum || clock_.now() - history_[1].time >= kEpipolarSpan)) {
       spare_.push_back(std::move(history_.front()));  // its buffer is used again
       history_.erase(history_.begin());
     }

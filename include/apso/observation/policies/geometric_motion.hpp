@@ -31,15 +31,16 @@
 
 APSO_NAMESPACE_BEGIN
 
+inline constexpr double kFlowResidual = 3.0;         ///< a track this far from its static prediction is moving [px]
+inline constexpr float kMinimumMovingArea = 0.015F;  ///< regions that are smaller in the world are dropped [m^2]: a hand with its arm
+
 struct GeometricMotionOptions {
   int width = kMotionWidth;       ///< width of the images that are worked on [px]; the frame is reduced by a whole factor
   DepthRange depth;               ///< depth that is used
   int references = 12;            ///< past views that are kept and compared with every frame
   double memory = 6.0;            ///< age at which a view is dropped [s]; what stands still that long is static again
   bool correct_prior = true;      ///< register the background first, to take the error out of the pose prior
-  double flow_residual = 3.0;     ///< a track this far from its static prediction is moving [px]
   double threshold = 0.6;         ///< log-odds from which a pixel is dynamic; two frames that agree reach it
-  double min_area = 0.015;        ///< regions that are smaller in the world are dropped [m^2]
   int dilation = 4;               ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
@@ -48,9 +49,7 @@ struct GeometricMotionOptions {
     v("references", s.references, 1, 1000);
     v("memory", s.memory, 0.0, 3600.0);
     v("correct_prior", s.correct_prior);
-    v("flow_residual", s.flow_residual, 0.1, 1000.0);
     v("threshold", s.threshold, 0.01, 4.0);
-    v("min_area", s.min_area, 0.0, 100.0);
     v("dilation", s.dilation, 0, 200);
   }
 };
@@ -73,7 +72,7 @@ class GeometricMotion : public PolicyOperators {
         reducer_(camera, options.width, options.depth),
         memory_(options.references, options.memory),
         history_(kFlowSpan) {
-    rules_.min_area = static_cast<float>(options.min_area);
+    rules_.min_area = kMinimumMovingArea;
     rules_.dilation = options.dilation;
   }
 
@@ -196,12 +195,12 @@ class GeometricMotion : public PolicyOperators {
   // Tracks that agree with a pose of the camera.
   [[nodiscard]] double support(const Pose& T_world_camera) {
     history_.residuals(reducer_.camera(), T_world_camera, reducer_.factor(), flow_points_);
-    return track_support(flow_points_, options_.flow_residual);
+    return track_support(flow_points_, kFlowResidual);
   }
 
   void claim_from_tracks() {
     history_.residuals(reducer_.camera(), refined_, reducer_.factor(), flow_points_);
-    mark_moving(options_.flow_residual, kFlowShare, residuals_, flow_points_);
+    mark_moving(kFlowResidual, kFlowShare, residuals_, flow_points_);
     claim_surfaces(flow_points_, depth_, reducer_.factor(), kFlowReach, rules_.depth_span, kFlowTracks, claims_, scratch_);
   }
 

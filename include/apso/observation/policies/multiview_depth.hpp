@@ -24,14 +24,15 @@
 
 APSO_NAMESPACE_BEGIN
 
+/// A point this much in front of the projected surface has moved in [m]: the threshold of DynaSLAM.
+inline constexpr float kMovedInDepth = 0.4F;
+
 struct MultiViewDepthOptions {
   DepthRange depth;          ///< depth that is used
-  double depth_step = 0.4;   ///< a point this much in front of the projected surface has moved in [m]; DynaSLAM's threshold
   int dilation = 4;          ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("depth", s.depth);
-    v("depth_step", s.depth_step, 0.01, 10.0);
     v("dilation", s.dilation, 0, 200);
   }
 };
@@ -45,7 +46,7 @@ class MultiViewDepth : public PolicyOperators {
   using Options = MultiViewDepthOptions;
 
   explicit MultiViewDepth(const Pinhole& camera, const MultiViewDepthOptions& options = {})
-      : depth_step_(static_cast<float>(options.depth_step)), reducer_(camera, kMotionWidth, options.depth) {
+      : reducer_(camera, kMotionWidth, options.depth) {
     validate(options, "multiview_depth");
     rules_.depth_span = 0.2F;  // a region stays in front of the background it was told from
     rules_.dilation = options.dilation;
@@ -168,7 +169,7 @@ class MultiViewDepth : public PolicyOperators {
         const float now = depth_(iu, iv);
         if (!(now > 0) || spread(iu, iv) > kPatchDeviation) continue;
         const float in_front = Y.z() - now;
-        if (in_front > depth_step_) {
+        if (in_front > kMovedInDepth) {
           moved_in_(iu, iv) = static_cast<std::uint8_t>(std::min(255, moved_in_(iu, iv) + 1));
         } else if (std::abs(in_front) < 0.1F + 3.0F * depth_sigma(now)) {
           agrees_(iu, iv) = static_cast<std::uint8_t>(std::min(255, agrees_(iu, iv) + 1));
@@ -188,7 +189,6 @@ class MultiViewDepth : public PolicyOperators {
     return hi - lo;
   }
 
-  float depth_step_;
   FrameReducer reducer_;
   RegionRules rules_;
   FrameClock clock_;
