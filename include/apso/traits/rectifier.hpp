@@ -33,7 +33,7 @@ template <class CameraT>
 [[nodiscard]] Pinhole central_pinhole(const CameraT& camera, int width, int height) {
   check_camera<CameraT>();
   constexpr double step = 1e-4;  // of a ray at z = 1: far above rounding, far below the curvature of a lens
-  Eigen::Vector2d centre, left, right, above, below;
+  Eigen::Vector2d centre{0, 0}, left{0, 0}, right{0, 0}, above{0, 0}, below{0, 0};
   const auto projects = [&](double x, double y, Eigen::Vector2d& out) {
     return camera_traits<CameraT>::project(camera, Eigen::Vector3d(x, y, 1), out) && std::isfinite(out.x()) && std::isfinite(out.y());
   };
