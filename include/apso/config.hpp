@@ -29,6 +29,16 @@
 #define APSO_DEPRECATED(since, instead) [[deprecated("apso: deprecated since " since ": " instead)]]
 #endif
 
+// Functions that need not be fast, compiled once instead of into all their callers. APSO_COLD is for errors alone: the compiler takes
+// whatever leads to such a call for cold as well.
+#if defined(__GNUC__)
+#define APSO_NOINLINE [[gnu::noinline]]
+#define APSO_COLD [[gnu::cold, gnu::noinline]]
+#else
+#define APSO_NOINLINE
+#define APSO_COLD
+#endif
+
 // How many floats are worked on at once depends on the instruction set that is compiled for (math/lanes.hpp), and with it the code of
 // functions and the layout of buffers: each set has names of its own, so that parts compiled for different ones can be linked together.
 #if defined(__GNUC__) && defined(__AVX512F__)
@@ -60,7 +70,7 @@ class contract_error : public std::logic_error {
 
 /// Cold path of a broken contract. Throws contract_error, or calls APSO_CONTRACT_HANDLER if defined,
 /// or aborts when exceptions are disabled.
-[[noreturn]] inline void contract_violation(const std::string& message) {
+[[noreturn]] APSO_COLD inline void contract_violation(const std::string& message) {
 #if defined(APSO_CONTRACT_HANDLER)
   APSO_CONTRACT_HANDLER(message.c_str());
   std::abort();
@@ -71,6 +81,9 @@ class contract_error : public std::logic_error {
   std::abort();
 #endif
 }
+
+/// The same for a literal: the string is made here, not by each of the callers.
+[[noreturn]] APSO_COLD inline void contract_violation(const char* message) { contract_violation(std::string(message)); }
 
 /// Checks a precondition once per call (never per pixel).
 inline void expects(bool condition, const char* message) {

@@ -41,26 +41,52 @@ template <class T>
 struct has_fields<T, std::void_t<decltype(T::fields(std::declval<T&>(), std::declval<AnyVisitor>()))>>
     : std::true_type {};
 
+/// The checks of all options structs: one function for every kind of number, names put together only where one is wrong.
 class Validator {
  public:
-  explicit Validator(std::string prefix) : prefix_(std::move(prefix)) {}
+  explicit Validator(const char* name, const Validator* outer = nullptr) : name_(name), outer_(outer) {}
 
   template <class T, class L, class H>
   void operator()(const char* name, const T& value, L lowest, H highest) const {
-    bool ok = value >= static_cast<T>(lowest) && value <= static_cast<T>(highest);  // false for NaN
-    if (ok) return;
-    std::ostringstream text;
-    text << "option " << prefix_ << '.' << name << " = " << value << " is out of range [" << lowest << ", "
-         << highest << "]";
-    contract_violation(text.str());
+    const bool whole = std::is_integral_v<T>;
+    check(name, static_cast<double>(value), static_cast<double>(static_cast<T>(lowest)), static_cast<double>(static_cast<T>(highest)), whole);
   }
   template <class T>
   void operator()(const char* name, const T& value) const {
-    if constexpr (has_fields<T>::value) T::fields(value, Validator(prefix_ + '.' + name));
+    if constexpr (has_fields<T>::value) T::fields(value, Validator(name, this));
   }
 
  private:
-  std::string prefix_;
+  APSO_NOINLINE void check(const char* name, double value, double lowest, double highest, bool whole) const {
+    if (!(value >= lowest && value <= highest)) fail(name, value, lowest, highest, whole);  // true for NaN
+  }
+  [[noreturn]] APSO_COLD void fail(const char* name, double value, double lowest, double highest, bool whole) const {
+    std::ostringstream text;
+    const auto put = [&](double number) {
+      if (whole) text << static_cast<long long>(number);
+      else text << number;
+    };
+    text << "option ";
+    path(text);
+    text << '.' << name << " = ";
+    put(value);
+    text << " is out of range [";
+    put(lowest);
+    text << ", ";
+    put(highest);
+    text << "]";
+    contract_violation(text.str());
+  }
+  APSO_COLD void path(std::ostringstream& text) const {
+    if (outer_ != nullptr) {
+      outer_->path(text);
+      text << '.';
+    }
+    text << name_;
+  }
+
+  const char* name_;
+  const Validator* outer_;
 };
 }  // namespace detail
 
@@ -73,7 +99,7 @@ inline constexpr bool is_options_v = detail::has_fields<T>::value;
 template <class Options>
 void validate(const Options& options, const std::string& name) {
   static_assert(is_options_v<Options>, "apso: options need `template <class Self, class V> static void fields(Self&, V&&)`");
-  Options::fields(options, detail::Validator(name));
+  Options::fields(options, detail::Validator(name.c_str()));
 }
 
 APSO_NAMESPACE_END
