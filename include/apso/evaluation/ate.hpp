@@ -58,7 +58,7 @@ struct BasicAteResult {
   /// are). Converged otherwise.
   Status status = Status::NotRun;
   Statistics statistics;                            ///< of the position errors [m]
-  PoseT T_groundtruth_estimate = from_pose<PoseT>(Pose::Identity());  ///< maps the world of the estimate into that of the
+  PoseT T_groundtruth_estimate = from_pose<PoseT>(identity_pose());  ///< maps the world of the estimate into that of the
                                                                       ///< ground truth
   std::vector<StampMatch> pairs;                    ///< first: index of the ground truth, second: of the estimate
   std::vector<double> errors;                       ///< one per pair [m]

@@ -19,7 +19,7 @@ APSO_NAMESPACE_BEGIN
 
 /// The rigid motion that lays one set of points onto another.
 struct HornAlignment {
-  Pose T_target_source = Pose::Identity();
+  Pose T_target_source = identity_pose();
   /// Directions the points fix: 3 in space, 2 in a plane (still unique), 1 on a line, 0 in one point. Below 2 the
   /// rotation is one of many that are equally good.
   int rank = 0;
@@ -33,21 +33,21 @@ struct HornAlignment {
                                               const std::vector<Eigen::Vector3d>& source) {
   expects(!target.empty() && target.size() == source.size(), "align_horn: need equally many points, at least one");
   const double n = static_cast<double>(target.size());
-  Eigen::Vector3d mean_target = Eigen::Vector3d::Zero();
-  Eigen::Vector3d mean_source = Eigen::Vector3d::Zero();
+  Eigen::Vector3d mean_target(0, 0, 0);
+  Eigen::Vector3d mean_source(0, 0, 0);
   for (std::size_t i = 0; i < target.size(); ++i) {
-    mean_target += target[i];
-    mean_source += source[i];
+    mean_target = plus(mean_target, target[i]);
+    mean_source = plus(mean_source, source[i]);
   }
-  mean_target *= 1.0 / n;
-  mean_source *= 1.0 / n;
+  mean_target = times(1.0 / n, mean_target);
+  mean_source = times(1.0 / n, mean_source);
   expects(all_finite(mean_target) && all_finite(mean_source), "align_horn: points must be finite");
   double S[3][3] = {};  // sum of source times target^T, as in the article
   double spread_target = 0;
   double spread_source = 0;
   for (std::size_t i = 0; i < target.size(); ++i) {
-    const Eigen::Vector3d q = target[i] - mean_target;
-    const Eigen::Vector3d p = source[i] - mean_source;
+    const Eigen::Vector3d q = minus(target[i], mean_target);
+    const Eigen::Vector3d p = minus(source[i], mean_source);
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c) S[r][c] += p(r) * q(c);
     }

@@ -33,16 +33,19 @@ using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
 [[nodiscard]] inline Eigen::Vector3d translation(const Pose& T) { return {T(0, 3), T(1, 3), T(2, 3)}; }
 
 /// The motion p -> R p + t.
-[[nodiscard]] inline Pose make_pose(const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
-  Pose T;
+[[nodiscard]] APSO_NOINLINE inline Pose make_pose(const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
+  Pose::MatrixType T;  // a Pose without values would set its last row by an expression, in every place that makes one
   for (int j = 0; j < 3; ++j) {
     for (int i = 0; i < 3; ++i) T(i, j) = R(i, j);
     T(3, j) = 0;
   }
   for (int i = 0; i < 3; ++i) T(i, 3) = t(i);
   T(3, 3) = 1;
-  return T;
+  return Pose(T);
 }
+
+/// No motion. Pose::Identity() is the same, but assigns an expression.
+[[nodiscard]] APSO_NOINLINE inline Pose identity_pose() { return Pose(identity<Pose::MatrixType>()); }
 
 /// T_a_b p_b, the point in frame a.
 [[nodiscard]] inline Eigen::Vector3d transform(const Pose& T, const Eigen::Vector3d& p) {
@@ -52,7 +55,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
 }
 
 /// T_a_b T_b_c = T_a_c.
-[[nodiscard]] inline Pose compose(const Pose& T_a_b, const Pose& T_b_c) {
+[[nodiscard]] APSO_NOINLINE inline Pose compose(const Pose& T_a_b, const Pose& T_b_c) {
   return make_pose(times(rotation(T_a_b), rotation(T_b_c)), transform(T_a_b, translation(T_b_c)));
 }
 
@@ -115,7 +118,7 @@ struct FloatPose {
 
 /// Unit quaternion of the rotation of a motion, from the largest of its four components, which loses no digits
 /// (Shepperd, J. Guidance and Control 1978).
-[[nodiscard]] inline Eigen::Quaterniond quaternion(const Pose& T) {
+[[nodiscard]] APSO_NOINLINE inline Eigen::Quaterniond quaternion(const Pose& T) {
   double q[4];  // x, y, z, w
   const double trace = T(0, 0) + T(1, 1) + T(2, 2);
   if (trace > 0) {
@@ -156,7 +159,7 @@ struct FloatPose {
 }
 
 /// Rotation of the vector w (axis times angle [rad]) as a unit quaternion; exact near 0.
-[[nodiscard]] inline Eigen::Quaterniond so3_exp(const Eigen::Vector3d& w) {
+[[nodiscard]] APSO_NOINLINE inline Eigen::Quaterniond so3_exp(const Eigen::Vector3d& w) {
   const double theta2 = squared_norm(w);
   const double theta = std::sqrt(theta2);
   // sin(theta/2)/theta, by its series where the quotient loses digits
@@ -175,7 +178,7 @@ struct FloatPose {
 }
 
 /// Exponential of a twist (v, w).
-[[nodiscard]] inline Pose se3_exp(const Twist& xi) {
+[[nodiscard]] APSO_NOINLINE inline Pose se3_exp(const Twist& xi) {
   const Eigen::Vector3d v(xi(0), xi(1), xi(2));
   const Eigen::Vector3d w(xi(3), xi(4), xi(5));
   const double theta2 = squared_norm(w);
@@ -196,7 +199,7 @@ struct FloatPose {
 }
 
 /// Logarithm of a rigid motion, rotation angle in [0, pi].
-[[nodiscard]] inline Twist se3_log(const Pose& T) {
+[[nodiscard]] APSO_NOINLINE inline Twist se3_log(const Pose& T) {
   const Eigen::Vector3d w = so3_log(quaternion(T));
   const Eigen::Vector3d t = translation(T);
   const double theta2 = squared_norm(w);
@@ -224,22 +227,22 @@ struct FloatPose {
 [[nodiscard]] inline double rotation_norm(const Twist& xi) { return std::sqrt(xi(3) * xi(3) + xi(4) * xi(4) + xi(5) * xi(5)); }
 
 /// Inverse without a matrix factorisation.
-[[nodiscard]] inline Pose inverse(const Pose& T) {
-  Pose r;
+[[nodiscard]] APSO_NOINLINE inline Pose inverse(const Pose& T) {
+  Pose::MatrixType r;
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) r(i, j) = T(j, i);
     r(i, 3) = -(T(0, i) * T(0, 3) + T(1, i) * T(1, 3) + T(2, i) * T(2, 3));
     r(3, i) = 0;
   }
   r(3, 3) = 1;
-  return r;
+  return Pose(r);
 }
 
 /// Nearest rotation: removes the drift that products of many poses gather.
-[[nodiscard]] inline Pose normalized(const Pose& T) { return make_pose(rotation(unit(quaternion(T))), translation(T)); }
+[[nodiscard]] APSO_NOINLINE inline Pose normalized(const Pose& T) { return make_pose(rotation(unit(quaternion(T))), translation(T)); }
 
 /// Rotation angle of a motion [rad], in [0, pi].
-[[nodiscard]] inline double rotation_angle(const Pose& T) { return norm(so3_log(quaternion(T))); }
+[[nodiscard]] APSO_NOINLINE inline double rotation_angle(const Pose& T) { return norm(so3_log(quaternion(T))); }
 
 /// True when every element is finite.
 [[nodiscard]] inline bool is_finite(const Pose& T) { return all_finite(T.matrix()); }

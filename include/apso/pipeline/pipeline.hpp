@@ -71,8 +71,8 @@ struct Observation {
 /// What the host's feature tracker says about the pose of a frame.
 template <class PoseT = Pose>
 struct FeaturePose {
-  PoseT T_world_feature = from_pose<PoseT>(Pose::Identity());    ///< pose from features
-  PoseT T_world_predicted = from_pose<PoseT>(Pose::Identity());  ///< pose from the motion model alone
+  PoseT T_world_feature = from_pose<PoseT>(identity_pose());    ///< pose from features
+  PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< pose from the motion model alone
   bool ok = false;                                               ///< feature tracking succeeded
 };
 
@@ -177,12 +177,12 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   detail::WorkingCopy work_;
   DynamicMask external_;
   Observation observation_;
-  Pose T_world_feature_ = Pose::Identity();
-  Pose T_world_predicted_ = Pose::Identity();
+  Pose T_world_feature_ = identity_pose();
+  Pose T_world_predicted_ = identity_pose();
   bool feature_ok_ = false;
   FlowGrid flow_;
   Report report_;
-  Pose T_world_previous_ = Pose::Identity();
+  Pose T_world_previous_ = identity_pose();
   bool has_previous_ = false;
   std::vector<PointTrack> tracks_;
   std::vector<Keypoint> keypoints_;

@@ -18,9 +18,9 @@ struct BasicFrameReport {
   AssessmentT assessment;                    ///< scores, weights, thresholds and flags of the frame
   bool refined = false;                      ///< T_world_camera is the blend of feature and direct pose
   RefinementT refinement{};                  ///< of this frame when it was BAD; status NotRun otherwise
-  PoseT T_world_feature = from_pose<PoseT>(Pose::Identity());  ///< pose of the feature tracker
-  PoseT T_world_direct = from_pose<PoseT>(Pose::Identity());   ///< of direct alignment, if `refined`
-  PoseT T_world_camera = from_pose<PoseT>(Pose::Identity());   ///< final pose; in state Lost only the prediction
+  PoseT T_world_feature = from_pose<PoseT>(identity_pose());  ///< pose of the feature tracker
+  PoseT T_world_direct = from_pose<PoseT>(identity_pose());   ///< of direct alignment, if `refined`
+  PoseT T_world_camera = from_pose<PoseT>(identity_pose());   ///< final pose; in state Lost only the prediction
   bool keyframe_allowed = false;             ///< the map may learn from this frame (never on BAD)
 };
 using FrameReport = BasicFrameReport<>;

@@ -40,7 +40,7 @@ struct PairOptions {
 template <class PoseT = Pose>
 struct PairAlignment {
   Status status = Status::NotRun;
-  PoseT T_current_reference = from_pose<PoseT>(Pose::Identity());  ///< the initial guess if the status is a failure
+  PoseT T_current_reference = from_pose<PoseT>(identity_pose());  ///< the initial guess if the status is a failure
   double confidence = 0;            ///< c_dir by the typical residual scales of a structured-light camera
   double backward_translation = 0;  ///< difference to the alignment the other way round [m]; 0 = not asked for,
   double backward_rotation = 0;     ///< infinite when that one failed; [rad]
@@ -76,12 +76,12 @@ PairAlignment<Pose> align_pair(const AnyFrame& reference_frame, const AnyFrame& 
                 executor);
   DirectAligner aligner(options.alignment);
   PairAlignment<Pose> out;
-  out.detail = aligner.align({{&reference, Pose::Identity(), 1.0}}, current, {inverse(T_guess)}, executor);
+  out.detail = aligner.align({{&reference, identity_pose(), 1.0}}, current, {inverse(T_guess)}, executor);
   out.status = out.detail.status;
   out.T_current_reference = succeeded(out.status) ? inverse(out.detail.T_world_camera) : T_guess;
   out.confidence = direct_confidence(out.detail, kTypicalScaleIntensity, kTypicalScaleDepth);
   if (options.backward) {
-    check_backward(aligner.align({{&current, Pose::Identity(), 1.0}}, reference, {T_guess}, executor), out);
+    check_backward(aligner.align({{&current, identity_pose(), 1.0}}, reference, {T_guess}, executor), out);
   }
   return out;
 }
@@ -94,7 +94,7 @@ PairAlignment<Pose> align_pair(const AnyFrame& reference_frame, const AnyFrame& 
 /// \param executor the result does not depend on its threads
 template <class RI, class RD, class CI, class CD, class PoseT = Pose, class Executor = SerialExecutor>
 [[nodiscard]] PairAlignment<PoseT> align(const Frame<RI, RD>& reference_frame, const Frame<CI, CD>& current_frame,
-                                         const PoseT& T_current_reference_guess = Pose::Identity(),
+                                         const PoseT& T_current_reference_guess = identity_pose(),
                                          const PairOptions& options = {}, const Executor& executor = {}) {
   check_pose<PoseT>();
   const PairAlignment<Pose> found = detail::align_pair(AnyFrame(reference_frame), AnyFrame(current_frame), reference_frame.camera,
@@ -115,7 +115,7 @@ template <class ReferenceIntensity, class ReferenceDepth, class CurrentIntensity
           class PoseT = Pose, class Executor = SerialExecutor>
 [[nodiscard]] PairAlignment<PoseT> align(const ReferenceIntensity& reference_intensity, const ReferenceDepth& reference_depth,
                                          const CurrentIntensity& current_intensity, const CurrentDepth& current_depth,
-                                         const CameraT& camera, const PoseT& T_current_reference_guess = Pose::Identity(),
+                                         const CameraT& camera, const PoseT& T_current_reference_guess = identity_pose(),
                                          const PairOptions& options = {}, const Executor& executor = {}) {
   check_image<ReferenceIntensity>();
   check_image<ReferenceDepth>();

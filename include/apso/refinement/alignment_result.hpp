@@ -14,13 +14,13 @@ APSO_NAMESPACE_BEGIN
 /// A frame that the current one is aligned to.
 struct AlignmentReference {
   const FramePyramid* pyramid = nullptr;       ///< prepared as reference
-  Pose T_world_reference = Pose::Identity();
+  Pose T_world_reference = identity_pose();
   double weight = 1;                           ///< B_k, >= 0
 };
 
 struct AlignmentResult {
   Status status = Status::NotRun;
-  Pose T_world_camera = Pose::Identity();      ///< the first candidate if the status is a failure
+  Pose T_world_camera = identity_pose();      ///< the first candidate if the status is a failure
   Matrix6 information = zeros<Matrix6>();       ///< of the increment (v, w) in the camera frame, T_c_w <- Exp(d) T_c_w
   Matrix6 covariance = zeros<Matrix6>();        ///< its inverse on the directions that are determined [m^2, m rad, rad^2]
   Twist eigenvalues = zeros<Twist>();           ///< of the scaled normal matrix, rising

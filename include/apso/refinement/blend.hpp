@@ -140,7 +140,7 @@ struct BlendEvidence {
 
 template <class PoseT = Pose>
 struct Blended {
-  PoseT T_world_camera = from_pose<PoseT>(Pose::Identity());
+  PoseT T_world_camera = from_pose<PoseT>(identity_pose());
   double w_diff = 1;   ///< weight of the feature pose from the change score
   double w_eff = 1;    ///< weight used
   bool gated = false;  ///< the poses were too far apart to be blended

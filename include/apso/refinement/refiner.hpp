@@ -37,10 +37,10 @@ struct RefinementInput {
   FlowGrid flow;                   ///< flow_grid(tracks, width, height); for MotionForm::FlowGrid only
   bool mask_informative = false;   ///< the mask of this frame says what moves
   bool highly_dynamic = false;     ///< so much moves that no pose can be trusted without a mask
-  PoseT T_world_feature = from_pose<PoseT>(Pose::Identity());
+  PoseT T_world_feature = from_pose<PoseT>(identity_pose());
   bool feature_ok = true;          ///< false: the feature tracker is lost, its pose is not used
-  PoseT T_world_predicted = from_pose<PoseT>(Pose::Identity());  ///< by constant velocity
-  PoseT T_world_previous = from_pose<PoseT>(Pose::Identity());   ///< emitted for the previous frame
+  PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< by constant velocity
+  PoseT T_world_previous = from_pose<PoseT>(identity_pose());   ///< emitted for the previous frame
   double S_change = 0;             ///< change score (a deviation), [0,1]
   double S_feature = 1;            ///< quality of the features, [0,1]
   double below_threshold = std::numeric_limits<double>::infinity();  ///< th_differ - S_final; for BlendOptions::transition
@@ -50,8 +50,8 @@ struct RefinementInput {
 template <class PoseT = Pose>
 struct BasicRefinement {
   Status status = Status::NotRun;    ///< a failure leaves T_world_camera at the feature pose (or prediction)
-  PoseT T_world_camera = from_pose<PoseT>(Pose::Identity());  ///< the blend
-  PoseT T_world_direct = from_pose<PoseT>(Pose::Identity());  ///< of direct alignment alone
+  PoseT T_world_camera = from_pose<PoseT>(identity_pose());  ///< the blend
+  PoseT T_world_direct = from_pose<PoseT>(identity_pose());  ///< of direct alignment alone
   bool refined = false;              ///< the direct pose was believed
   double c_dir = 0;                  ///< confidence in the direct pose, [0,1]
   double w_diff = 1;                 ///< weight of the feature pose by the change score
@@ -164,7 +164,7 @@ class BasicRefiner {
     r.T_world_camera = r.T_world_direct = T_guess;
     r.w_diff = feature_ok ? difference_weight(in.S_change, options_.blend.mu) : 0.0;
     if (!is_finite(T_guess)) {
-      r.T_world_camera = r.T_world_direct = Pose::Identity();
+      r.T_world_camera = r.T_world_direct = identity_pose();
       r.status = Status::Diverged;
       return r;
     }

@@ -53,7 +53,7 @@ class SpeedGate {
   static constexpr double kTurn = 600 * kDegree;    // [rad/s]
 
   RunningMedian speed_{kWindow}, turn_{kWindow};
-  Pose T_world_trusted_ = Pose::Identity();
+  Pose T_world_trusted_ = identity_pose();
   double timestamp_ = 0;
   bool trusted_ = false;
   bool follows_good_ = false;

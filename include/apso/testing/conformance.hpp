@@ -48,7 +48,7 @@ struct ConformanceReport {
 
 /// Rigid motions that bring out mistakes: the identity, tiny and large rotations about skew axes, angles next to pi.
 [[nodiscard]] inline std::vector<Pose> conformance_poses() {
-  std::vector<Pose> poses{Pose::Identity()};
+  std::vector<Pose> poses{identity_pose()};
   const double angles[] = {1e-9, 1e-4, 0.1, 1.0, 2.5, 3.14159};
   int i = 0;
   for (const double angle : angles) {

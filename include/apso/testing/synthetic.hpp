@@ -73,7 +73,7 @@ struct SyntheticFrame {
   Image<float> intensity;        ///< grey value of rgb, in [0,1]
   Image<float> depth;            ///< [m], 0 = invalid
   Image<std::uint8_t> instance;  ///< 0: static, k: person k
-  Pose T_world_camera = Pose::Identity();
+  Pose T_world_camera = identity_pose();
   Stress stress = Stress::None;  ///< known difficulty
 
   /// Views of intensity and depth; valid during the lifetime of this frame.

@@ -86,7 +86,7 @@ class CameraPath {
         break;
       }
     }
-    Pose T_world_camera = Pose::Identity();
+    Pose T_world_camera = identity_pose();
     T_world_camera.linear() = looks * rotation(roll_pitch_yaw[2], roll_pitch_yaw[1], roll_pitch_yaw[0]);
     T_world_camera.translation() = p;
     return T_world_camera;

@@ -57,7 +57,7 @@ class KeyframeDecision {
 /// What new_keyframe() is told.
 struct KeyframeInput {
   double timestamp = 0;
-  Pose T_world_camera = Pose::Identity();
+  Pose T_world_camera = identity_pose();
   int frame_number = 0;
   double landmark_depth = 5.0;  ///< landmarks are created up to here [m]
   double max_sigma = 0.015;     ///< ... and where the deviation of the inverse depth is no larger [1/m]

@@ -12,6 +12,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/small_matrix.hpp>
 #include <apso/status.hpp>
 #include <apso/tracker/descriptor_matching.hpp>
 #include <apso/tracker/features.hpp>
@@ -40,10 +41,10 @@ struct LocalLandmark {
 /// A pose found from landmarks.
 struct MapPose {
   Status status = Status::NotRun;
-  Pose T_world_camera = Pose::Identity();
+  Pose T_world_camera = identity_pose();
   int matches = 0;
   int inliers = 0;
-  Matrix6 information = Matrix6::Zero();  ///< of the twist that multiplies T_camera_world from the left
+  Matrix6 information = zeros<Matrix6>();  ///< of the twist that multiplies T_camera_world from the left
   bool relocalised = false;               ///< found by comparing with whole keyframes
 };
 

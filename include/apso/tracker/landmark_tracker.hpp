@@ -81,7 +81,7 @@ class BasicLandmarkTracker {
     begun_ = true;
     ok_ = from_tracks_ = relocalised_ = false;
     ++frame_number_;
-    T_world_predicted_ = frame_number_ == 1 ? Pose::Identity() : moved_on();
+    T_world_predicted_ = frame_number_ == 1 ? identity_pose() : moved_on();
   }
 
   /// Pose of the frame begun. May be called again with a better mask.
@@ -246,7 +246,7 @@ class BasicLandmarkTracker {
       const bool guessed = !ok_ && norm(translation(off)) < 1e-9 && rotation_angle(off) < 1e-9;
       if (guessed) step_ = se3_exp(times(kFading, se3_log(step_)));
     } else {
-      step_ = Pose::Identity();
+      step_ = identity_pose();
       step_time_ = 0;
     }
     T_world_previous_ = T;
@@ -291,9 +291,9 @@ class BasicLandmarkTracker {
   double previous_timestamp_ = 0;
   double relocalised_at_ = -1e300;
   double step_time_ = 0;
-  Pose step_ = Pose::Identity();
-  Pose T_world_previous_ = Pose::Identity();
-  Pose T_world_predicted_ = Pose::Identity();
+  Pose step_ = identity_pose();
+  Pose T_world_previous_ = identity_pose();
+  Pose T_world_predicted_ = identity_pose();
 
   // of the last estimate
   bool ok_ = false;

@@ -6,6 +6,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/small_matrix.hpp>
 #include <apso/options.hpp>
 #include <apso/status.hpp>
 #include <apso/traits/pose.hpp>
@@ -60,14 +61,14 @@ template <class PoseT = Pose>
 struct BasicFeatureResult {
   Status status = Status::NotRun;
   bool ok = false;                        ///< the pose may be used
-  PoseT T_world_camera = from_pose<PoseT>(Pose::Identity());     ///< the prediction when not ok
+  PoseT T_world_camera = from_pose<PoseT>(identity_pose());     ///< the prediction when not ok
   int matches = 0;                        ///< landmarks paired with keypoints
   int inliers = 0;                        ///< of them, after optimisation
-  PoseT T_world_predicted = from_pose<PoseT>(Pose::Identity());  ///< constant velocity, or the motion of the tracks where they agree
+  PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< constant velocity, or the motion of the tracks where they agree
   int track_inliers = 0;                  ///< tracks that agree with the predicted motion
   bool relocalised = false;               ///< found again among the keyframes
   bool from_tracks = false;               ///< the map failed; the pose is the last one moved along the tracks
-  Matrix6 information = Matrix6::Zero();  ///< of the twist that multiplies T_camera_world from the left
+  Matrix6 information = zeros<Matrix6>();  ///< of the twist that multiplies T_camera_world from the left
 };
 using FeatureResult = BasicFeatureResult<>;
 

@@ -11,6 +11,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/small_matrix.hpp>
 #include <apso/tracker/descriptor_matching.hpp>
 #include <apso/tracker/features.hpp>
 #include <apso/types/keypoint.hpp>
@@ -21,7 +22,7 @@ APSO_NAMESPACE_BEGIN
 /// A keyframe: pose, features, and for each feature the landmark it shows (-1 = none).
 struct MapKeyframe {
   bool alive = false;
-  Pose T_world_camera = Pose::Identity();
+  Pose T_world_camera = identity_pose();
   double timestamp = 0;
   FeatureSet features;
   std::vector<int> landmark;
@@ -36,9 +37,9 @@ struct LandmarkView {
 /// A point of the static world.
 struct MapLandmark {
   bool alive = false;
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< world frame [m]
+  Eigen::Vector3d point = zeros<Eigen::Vector3d>();  ///< world frame [m]
   Descriptor descriptor{};                          ///< of the view that is most like the others
-  Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< mean unit vector from the point to its viewers
+  Eigen::Vector3d direction = zeros<Eigen::Vector3d>();  ///< mean unit vector from the point to its viewers
   double unit_distance = 1;  ///< distance at which it would appear on level 0 [m]
   float angle = 0;           ///< orientation in the last keyframe that saw it [deg]
   int visible = 1;           ///< frames in which it should have been seen

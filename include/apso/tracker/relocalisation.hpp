@@ -18,7 +18,7 @@ APSO_NAMESPACE_BEGIN
 
 /// What relocalise() is told.
 struct RelocalisationInput {
-  Pose T_world_predicted = Pose::Identity();  ///< tried first
+  Pose T_world_predicted = identity_pose();  ///< tried first
   bool lost = false;        ///< the last frames had no pose: even the last keyframe is then a place found again
   int window = 10;          ///< keyframes of a local map
   int min_inliers = 50;     ///< of a pose found again

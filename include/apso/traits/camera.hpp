@@ -21,6 +21,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/math/small_matrix.hpp>
 #include <apso/traits/detail.hpp>
 #include <apso/types/pinhole.hpp>
 
@@ -100,7 +101,7 @@ template <class CameraT>
     for (int i = 0; i <= 4; ++i) {
       const Eigen::Vector2d pixel(right * i / 4.0, bottom * j / 4.0);
       const Eigen::Vector3d ray = Traits::unproject(camera, pixel);
-      const double error = (p.project(ray) - pixel).norm();
+      const double error = norm(minus(p.project(ray), pixel));
       expects(error <= tolerance_px, "to_pinhole: the camera has lens distortion; rectify its images first, with apso::Rectifier (apso/traits/rectifier.hpp)");  // false for NaN
     }
   }

@@ -37,13 +37,21 @@ struct pose_traits<Eigen::Transform<Scalar, 3, Mode, Options>> {
   using pose = Eigen::Transform<Scalar, 3, Mode, Options>;
   using matrix = Eigen::Matrix<Scalar, 3, 3>;
   using vector = Eigen::Matrix<Scalar, 3, 1>;
-  static matrix rotation(const pose& T) { return T.linear(); }
-  static vector translation(const pose& T) { return T.translation(); }
+  // plain loops, as in math/small_matrix.hpp: each block of a transform is a type of its own
+  static matrix rotation(const pose& T) {
+    matrix R;
+    for (int k = 0; k < 9; ++k) R(k % 3, k / 3) = T(k % 3, k / 3);
+    return R;
+  }
+  static vector translation(const pose& T) { return {T(0, 3), T(1, 3), T(2, 3)}; }
   static pose make(const matrix& R, const vector& t) {
-    pose T = pose::Identity();
-    T.linear() = R;
-    T.translation() = t;
-    return T;
+    typename pose::MatrixType M;
+    for (int k = 0; k < 9; ++k) M(k % 3, k / 3) = R(k % 3, k / 3);
+    for (int i = 0; i < 3; ++i) M(i, 3) = t(i);
+    if constexpr (Mode != Eigen::AffineCompact) {
+      for (int j = 0; j < 4; ++j) M(3, j) = static_cast<Scalar>(j == 3);
+    }
+    return pose(M);
   }
 };
 

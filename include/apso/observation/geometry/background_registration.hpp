@@ -23,7 +23,7 @@ APSO_NAMESPACE_BEGIN
 
 struct BackgroundRegistration {
   Status status = Status::NotRun;
-  Pose T_world_camera = Pose::Identity();  ///< the prior unless succeeded(status)
+  Pose T_world_camera = identity_pose();  ///< the prior unless succeeded(status)
   int points = 0;                          ///< used in the last step
   double mean_cost_prior = 0;              ///< mean robust cost at the prior, [0,1]
   double mean_cost = 0;                    ///< ... and at the result
@@ -60,7 +60,7 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
   }
 
   // the correction D moves points of the prior camera frame: T_world_camera = T_prior D
-  Pose D = Pose::Identity();
+  Pose D = identity_pose();
   const auto accumulate = [&](const Pose& correction, float gate, Matrix6& H, Twist& b, double& cost, int& judged) {
     H = zeros<Matrix6>();
     b = zeros<Twist>();
@@ -147,7 +147,7 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
     if (translation_norm(step) < 2e-4 && rotation_norm(step) < 1e-4 && s > 0.5F) break;
   }
   int judged_prior = 0;
-  accumulate(Pose::Identity(), gate_end, H, b, result.mean_cost_prior, judged_prior);
+  accumulate(identity_pose(), gate_end, H, b, result.mean_cost_prior, judged_prior);
   result.points = accumulate(D, gate_end, H, b, result.mean_cost, judged);
   // a real correction makes more points agree; otherwise the prior stands
   if (!(result.mean_cost < result.mean_cost_prior) || judged < judged_prior / 2 || !is_finite(D)) {

@@ -32,7 +32,7 @@ class CarriedLogOdds {
     const int h = depth.height();
     const bool has_past = past_.width() == w && past_.height() == h;
     next_.resize(w, h);
-    const Pose T = has_past ? compose(inverse(T_world_past_), T_world_camera) : Pose::Identity();
+    const Pose T = has_past ? compose(inverse(T_world_past_), T_world_camera) : identity_pose();
     const FloatPose past_from_current(T);
     const auto fx = static_cast<float>(camera.fx);
     const auto fy = static_cast<float>(camera.fy);
@@ -76,7 +76,7 @@ class CarriedLogOdds {
   Image<float> next_;
   Image<float> past_;
   Image<float> past_depth_;
-  Pose T_world_past_ = Pose::Identity();
+  Pose T_world_past_ = identity_pose();
 };
 
 struct TemporalFilterOptions {

@@ -23,7 +23,7 @@ APSO_NAMESPACE_BEGIN
 /// One past view at low resolution.
 struct DepthReference {
   double time = 0;                      ///< [s]
-  Pose T_world_camera = Pose::Identity();
+  Pose T_world_camera = identity_pose();
   Image<float> depth;                   ///< [m], 0 invalid
   Image<std::uint8_t> dynamic;          ///< 1 = was dynamic then
   DepthLimits limits;                   ///< of depth

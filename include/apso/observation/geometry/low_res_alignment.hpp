@@ -93,7 +93,7 @@ struct WarpedPixel {
 
 struct LowResAlignment {
   Status status = Status::NotRun;
-  Pose T_past_current = Pose::Identity();  ///< the prior unless succeeded(status)
+  Pose T_past_current = identity_pose();  ///< the prior unless succeeded(status)
   int points = 0;                          ///< that took part in the last step
 };
 

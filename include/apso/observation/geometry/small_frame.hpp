@@ -26,7 +26,7 @@ inline constexpr int kMotionWidth = 160;
 /// One frame, reduced by a whole factor.
 struct SmallFrame {
   double time = 0;                       ///< [s]
-  Pose T_world_camera = Pose::Identity();
+  Pose T_world_camera = identity_pose();
   Image<float> depth;                    ///< [m], 0 invalid
   Image<float> intensity;                ///< [0,1]
 };

@@ -78,7 +78,7 @@ class TrackHistory {
   };
   struct Frame {
     double time = 0;  // [s]
-    Pose T_world_camera = Pose::Identity();
+    Pose T_world_camera = identity_pose();
     Image<float> depth;
     std::vector<Point> points;  // sorted by id
   };

@@ -105,7 +105,7 @@ class EpipolarMotion : public PolicyOperators {
   };
   struct Snapshot {
     double time = 0;
-    Pose T_world_camera = Pose::Identity();
+    Pose T_world_camera = identity_pose();
     std::vector<TrackPoint> points;  // sorted by id
   };
 

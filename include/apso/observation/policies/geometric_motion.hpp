@@ -291,7 +291,7 @@ class GeometricMotion : public PolicyOperators {
   std::vector<std::uint8_t> dilation_scratch_;
   RegionScratch scratch_;
 
-  Pose refined_ = Pose::Identity();
+  Pose refined_ = identity_pose();
 };
 
 APSO_NAMESPACE_END

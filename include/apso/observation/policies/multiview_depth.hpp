@@ -120,7 +120,7 @@ class MultiViewDepth : public PolicyOperators {
 
   struct View {
     double time = 0;
-    Pose T_world_camera = Pose::Identity();
+    Pose T_world_camera = identity_pose();
     Image<float> depth;  // static surfaces only
   };
 

@@ -160,7 +160,7 @@ struct MotionChange {
       float depth;  ///< [m]; 0 = not known
     };
     std::vector<Point> points;  ///< static tracks, by rising id
-    Pose T_world_camera = Pose::Identity();
+    Pose T_world_camera = identity_pose();
     bool has_pose = false;
     bool present = false;  ///< tracks were given (there may be none)
   };
@@ -193,7 +193,7 @@ struct MotionChange {
     if (!r.present || !c.present) return std::nullopt;
     const bool by_pose = options.flow == FlowKind::PosePredicted;
     if (by_pose && !(r.has_pose && c.has_pose)) return std::nullopt;
-    const Pose T_current_reference = by_pose ? compose(inverse(c.T_world_camera), r.T_world_camera) : Pose::Identity();
+    const Pose T_current_reference = by_pose ? compose(inverse(c.T_world_camera), r.T_world_camera) : identity_pose();
     matches_.clear();
     predicted_.clear();
     auto from = r.points.begin();

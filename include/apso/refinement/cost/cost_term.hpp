@@ -31,7 +31,7 @@ struct CostPart {
 struct CostTerm {
   const FramePyramid* pyramid = nullptr;
   const PyramidLevel* level = nullptr;  ///< that was entered
-  Pose T_world_reference = Pose::Identity();
+  Pose T_world_reference = identity_pose();
   double weight = 1;  ///< B_k
   TermScales scales;
   Illumination light;

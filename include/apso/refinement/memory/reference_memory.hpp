@@ -86,7 +86,7 @@ class ReferenceMemory {
   struct Entry {
     std::int64_t id = -1;
     double timestamp = 0;
-    Pose T_world_reference = Pose::Identity();
+    Pose T_world_reference = identity_pose();
     FrameDescriptor descriptor;
     FramePyramid pyramid;  ///< selected pixels only
   };

@@ -27,7 +27,7 @@ inline constexpr double kInformationDeflation = 0.01;
 /// Solves one level after the other for T_camera_world.
 class LevelSolver {
  public:
-  Pose T;                  ///< T_camera_world
+  Pose T = identity_pose();  ///< T_camera_world
   bool converged = false;  ///< at the level that was solved last
   int iterations = 0;      ///< outer ones over all levels
 

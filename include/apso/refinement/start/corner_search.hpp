@@ -199,7 +199,7 @@ class CornerSearch {
       const std::size_t b = compatible_[first_compatible_[a] + below(n)];
       const std::size_t c = compatible_[first_compatible_[a] + below(n)];
       if (inlier_[b] > 0 || inlier_[c] > 0 || !preserves_distance(matches_[b], matches_[c])) continue;
-      Pose T;
+      Pose T = identity_pose();
       if (!motion_from_three(matches_[a], matches_[b], matches_[c], T)) continue;
       const std::size_t inliers = count_inliers(T, all_);
       if (inliers >= kMinInliers) hypotheses_.push_back({T, inliers});

@@ -20,7 +20,7 @@ APSO_NAMESPACE_BEGIN
 
 /// A world point seen in the image.
 struct PointObservation {
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< world frame [m]
+  Eigen::Vector3d point = zeros<Eigen::Vector3d>();  ///< world frame [m]
   double u = 0;                                     ///< [px]
   double v = 0;                                     ///< [px]
   double inverse_depth = 0;                         ///< measured 1/z [1/m]; 0 = no depth at this pixel
@@ -37,9 +37,9 @@ struct PoseOptimisationOptions {
 
 struct PoseOptimisation {
   Status status = Status::NotRun;
-  Pose T_world_camera = Pose::Identity();
+  Pose T_world_camera = identity_pose();
   int inliers = 0;
-  Matrix6 information = Matrix6::Zero();  ///< of the twist that multiplies T_camera_world from the left
+  Matrix6 information = zeros<Matrix6>();  ///< of the twist that multiplies T_camera_world from the left
 };
 
 /// 95 % points of the chi-square distribution with two and three degrees of freedom.

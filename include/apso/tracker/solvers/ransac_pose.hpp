@@ -46,7 +46,7 @@ struct RansacOptions {
 
 struct RansacPose {
   bool ok = false;
-  Pose T_world_camera = Pose::Identity();
+  Pose T_world_camera = identity_pose();
   int inliers = 0;
 };
 

@@ -27,7 +27,7 @@ struct AdjustmentProblem {
     PointObservation observation;  ///< its `point` is not used
   };
   struct Point {
-    Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< world frame [m]; refined
+    Eigen::Vector3d point = zeros<Eigen::Vector3d>();  ///< world frame [m]; refined
     int first = 0;                                    ///< its views are views[first] .. views[first + count - 1]
     int count = 0;
   };
