@@ -90,7 +90,12 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
 
   /// With a motion policy that is made from the camera, in its default setting.
   explicit BasicPipeline(const Pinhole& camera, const Options& options = {})
-      : BasicPipeline(camera, detail::make_motion<MotionT>(camera), options) {}
+      : camera_(checked(camera)),
+        options_(checked(options)),
+        motion_(detail::make_motion<MotionT>(camera)),  // in its place: no code to move it
+        objects_(options.objects),
+        assessor_(camera, options.assessor),
+        refiner_(camera, options.refiner) {}
   /// With a motion policy of the caller's.
   BasicPipeline(const Pinhole& camera, MotionT motion, const Options& options = {})
       : camera_(checked(camera)),

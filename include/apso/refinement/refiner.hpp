@@ -74,11 +74,12 @@ class BasicRefiner {
   using Input = RefinementInput<>;
 
   explicit BasicRefiner(const Pinhole& camera, const RefinerOptions& options = {})
-      : BasicRefiner(camera, options, AlignerT(options.alignment)) {}
+      : camera_(camera), options_(options), memory_(options.memory), aligner_(options.alignment) {  // in its place: no code to move it
+    check();
+  }
   BasicRefiner(const Pinhole& camera, const RefinerOptions& options, AlignerT aligner)
       : camera_(camera), options_(options), memory_(options.memory), aligner_(std::move(aligner)) {
-    camera_.validate();
-    validate(options_, "refiner");
+    check();
   }
 
   /// Refines the pose of a bad frame.
@@ -152,6 +153,10 @@ class BasicRefiner {
   static constexpr int kScaleEvery = 5;   // good frames between two measurements of the typical scales
   static constexpr int kMinSamples = 3;   // until there are so many, the start value counts
 
+  void check() const {
+    camera_.validate();
+    validate(options_, "refiner");
+  }
   static double typical(RunningMedian& m, double start) { return m.size() >= kMinSamples ? m.median(start) : start; }
 
   template <class Executor>
