@@ -180,7 +180,7 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
 
   /// All scores of change of the current frame against another.
   template <std::size_t... I>
-  MaybeDeviation compare(const Snapshot& other, ChangeBaseline baseline, Change& out, std::index_sequence<I...>) {
+  APSO_NOINLINE MaybeDeviation compare(const Snapshot& other, ChangeBaseline baseline, Change& out, std::index_sequence<I...>) {
     const auto one = [&](auto& score, auto& result, const auto& before, const auto& now, double weight) {
       using Memory = std::decay_t<decltype(now)>;
       result.value = score(ChangeContext<Memory>{before, now, camera_, baseline});
@@ -276,7 +276,7 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     if (a_.benchmark_updated && benchmark_.S_reference().value() >= o_.initialisation.quality_min) degraded_ = false;
   }
 
-  bool update_benchmark(bool good) {
+  APSO_NOINLINE bool update_benchmark(bool good) {
     if (o_.change_baseline == ChangeBaseline::Reference) {
       return benchmark_.update(current_, good, a_.S_change, visible_share(a_.change_scores), steady_frames_);
     }

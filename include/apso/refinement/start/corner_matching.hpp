@@ -75,7 +75,7 @@ class CornerMatcher {
 
   // The best corner of each cell, or all its pixels that could be one.
   enum class Choice { Best, All };
-  static void detect(const PyramidLevel& level, Choice choice, int cell, Corners& out) {
+  APSO_NOINLINE static void detect(const PyramidLevel& level, Choice choice, int cell, Corners& out) {
     const int w = level.intensity.width();
     const int h = level.intensity.height();
     out.pixels.clear();

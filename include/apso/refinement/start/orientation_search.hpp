@@ -86,8 +86,8 @@ class OrientationSearch {
   static constexpr float kCone = 0.01F;   // 1 - cosine of the largest angle between directions that agree: 8 degrees
 
   struct Candidate {
-    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-    double score = 0;
+    Eigen::Matrix3d R;
+    double score;
   };
   // What the current frame shows of a direction: how many normals near it, and their sum.
   struct Cell {
@@ -99,7 +99,7 @@ class OrientationSearch {
   }
 
   // Of planes through the pixels around each, towards the camera.
-  static void normals(const PyramidLevel& level, std::vector<Eigen::Vector3f>& out) {
+  APSO_NOINLINE static void normals(const PyramidLevel& level, std::vector<Eigen::Vector3f>& out) {
     out.clear();
     const Plane& depth = level.depth;
     for (int y = kRadius; y + kRadius < depth.height(); y += kPixels) {
