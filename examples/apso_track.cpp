@@ -169,7 +169,7 @@ class Run {
 Run::Run(const Arguments& a) : a_(a), progress_(!a.quiet) {
   if (!a_.config.empty()) apso::read_parameters(a_.config, options_);
   if (a_.motion == "none") options_.pipeline.motion = false;
-  if (a_.no_refinement) options_.pipeline.refinement = false;
+  if (a_.no_refinement) options_.pipeline.refine = apso::RefinedFrames::None;
 
   const std::string masks_read = a_.masks;
   source_ = open_source(a_);
@@ -232,7 +232,8 @@ void Run::process(int i) {
   const auto features = observation.informative ? tracker.estimate(soften ? soft_ : observation.mask.probability) : prior;
   ms.features += watch.lap();
 
-  pipeline.assess(tracker.keypoints(), tracker.tracks(), {features.T_world_camera, features.T_world_predicted, features.ok});
+  pipeline.assess(tracker.keypoints(), tracker.tracks(),
+                  {features.T_world_camera, features.T_world_predicted, features.ok, features.information});
   ms.assess = watch.lap();
   const apso::FrameReport& report = pipeline.conclude();
   ms.refine = watch.lap();
@@ -268,7 +269,7 @@ void Run::write() {
   json summary = track::summarise(record_, total_, truth);
   summary["sequence"] = a_.sequence;
   summary["motion"] = a_.motion;
-  summary["refinement"] = options_.pipeline.refinement;
+  summary["refine"] = apso::enum_names(options_.pipeline.refine)[static_cast<std::size_t>(options_.pipeline.refine)];
   summary["holds_masks"] = holds_masks_;
   summary["options"] = track::yaml_to_json(apso::write_parameters(options_));
   const bool evaluated = summary.contains("final") && summary["final"].is_object();
@@ -279,8 +280,8 @@ void Run::write() {
   track::write_overview(out_);
   std::ofstream((out_ / "summary.json").string()) << summary.dump(2) << '\n';
 
-  std::printf("%s: %zu of %d frames with a pose, %d BAD (%d refined), %d lost, %zu skipped\n", a_.sequence.c_str(),
-              record_.final_poses.size(), total_, record_.in_state(apso::SceneState::Bad), record_.refined(),
+  std::printf("%s: %zu of %d frames with a pose, %d refined, %d BAD (%d repaired), %d lost, %zu skipped\n", a_.sequence.c_str(),
+              record_.final_poses.size(), total_, record_.refined(), record_.in_state(apso::SceneState::Bad), record_.repaired(),
               record_.in_state(apso::SceneState::Lost), record_.skipped.size());
   for (const json& s : record_.skipped) {
     std::printf("  skipped frame %d: %s\n", s["frame"].get<int>(), s["reason"].get<std::string>().c_str());
@@ -348,7 +349,7 @@ int main(int argc, char** argv) {
                                      "and output format are options (--config, motion.dnn)");
   app.add_option("--classes", a.classes, "text file with the class names of the network, one per line (default: the 80 of COCO)");
   app.add_option("--movable", a.movable, "names or numbers of the classes that can move (default: person, cat, dog)")->delimiter(',')->allow_extra_args(false);
-  app.add_flag("--no-refinement", a.no_refinement, "do not refine the poses of BAD frames");
+  app.add_flag("--no-refinement", a.no_refinement, "keep the poses of the feature tracker: pipeline.refine none");
   app.add_flag("--write-masks", a.write_masks, "write masks/ (8-bit PNG, 255 = dynamic, named by the colour image's timestamp)");
   app.add_option("--threads", a.threads, "threads of the image operations")->check(CLI::Range(1, 256))->capture_default_str();
   app.add_option("--max-frames", a.max_frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);

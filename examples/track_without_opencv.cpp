@@ -21,7 +21,7 @@ int main() {
     const auto prior = tracker.estimate(pipeline.observation().mask.probability);
     const auto& seen = pipeline.observe(now, prior.T_world_camera, found.tracks());
     const auto pose = tracker.estimate(seen.mask.probability);
-    pipeline.assess(found.keypoints(), found.tracks(), {pose.T_world_camera, pose.T_world_predicted, pose.ok});
+    pipeline.assess(found.keypoints(), found.tracks(), {pose.T_world_camera, pose.T_world_predicted, pose.ok, pose.information});
     const auto& report = pipeline.conclude();
     tracker.commit(report.T_world_camera, seen.mask.probability, report.keyframe_allowed);
     const apso::Pose truth = room.T_world_camera(0).inverse() * room.T_world_camera(i);

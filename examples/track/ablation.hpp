@@ -29,7 +29,9 @@ inline std::vector<Variant> fixed_variants() {
   const auto refiner = [](const std::string& path) { return "pipeline.refiner." + path; };
   return {
       {"default", "everything as shipped", {}, ""},
-      {"no_refinement", "BAD frames are not repaired", {{"pipeline.refinement", "false"}}, ""},
+      {"no_refinement", "the poses of the features alone", {{"pipeline.refine", "none"}}, ""},
+      {"bad_only", "GOOD frames keep the pose of the features", {{"pipeline.refine", "bad_only"}}, ""},
+      {"no_previous", "no alignment to the frame before", {{refiner("memory.previous"), "false"}}, ""},
       {"screw_blend", "blend along the screw, one weight for all directions", {{refiner("blend.form"), "screw_linear"}}, ""},
       {"one_reference", "alignment to one reference", {{refiner("memory.references"), "1"}}, ""},
       {"both_scales", "brightness residuals count in c_dir as well", {{refiner("confidence.intensity_share"), "0.5"}}, ""},

@@ -33,6 +33,12 @@ struct Record {
     for (const apso::FrameReport& r : reports) n += r.refined ? 1 : 0;
     return n;
   }
+  /// BAD frames with a trusted direct pose.
+  [[nodiscard]] int repaired() const {
+    int n = 0;
+    for (const apso::FrameReport& r : reports) n += r.refined && r.state == apso::SceneState::Bad ? 1 : 0;
+    return n;
+  }
   [[nodiscard]] int in_state(apso::SceneState state) const {
     int n = 0;
     for (const apso::FrameReport& r : reports) n += r.state == state ? 1 : 0;
@@ -94,6 +100,7 @@ inline nlohmann::json summarise(const Record& r, int total, const apso::Trajecto
                        {"lost", lost},
                        {"initialising", initialising},
                        {"refined", r.refined()},
+                       {"repaired", r.repaired()},
                        {"soft_weights", r.softened}};
   summary["skipped"] = r.skipped;
   summary["mask_problems"] = r.mask_problems;

@@ -1,6 +1,6 @@
 /// \file
 /// Front door: the whole method. A small feature tracker gives a first pose, the pipeline says what moves, whether the frame
-/// can be trusted, and repairs its pose if not.
+/// can be trusted, and refines its pose.
 ///
 /// \code
 /// #include <apso/track.hpp>
@@ -13,8 +13,9 @@
 ///   const auto prior = tracker.estimate(pipeline.observation().mask.probability);    // with what moved last
 ///   const auto& seen = pipeline.observe(now, prior.T_world_camera, tracks);          // 1. what moves?
 ///   const auto pose = tracker.estimate(seen.mask.probability);                       //    a pose without it
-///   pipeline.assess(keypoints, tracks, {pose.T_world_camera, pose.T_world_predicted, pose.ok});  // 2. to be trusted?
-///   const auto& report = pipeline.conclude();                                        // 3. the repaired pose
+///   pipeline.assess(keypoints, tracks, {pose.T_world_camera, pose.T_world_predicted, pose.ok, pose.information});
+///                                                                                    // 2. can it be trusted?
+///   const auto& report = pipeline.conclude();                                        // 3. the refined pose
 ///   tracker.commit(report.T_world_camera, seen.mask.probability, report.keyframe_allowed);
 ///   use(report.T_world_camera);   // report.state: Good, Bad, Lost (then the pose is only a prediction), Initialising
 /// }

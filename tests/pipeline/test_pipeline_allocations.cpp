@@ -50,6 +50,7 @@ TEST_CASE("a pipeline that is warm allocates no image, whatever the types of the
   const testing::SyntheticSequence s = sequence();
   PipelineOptions options;
   options.assessor.initialisation.frames = 5;
+  options.refine = RefinedFrames::BadOnly;  // then BAD frames are refined and not remembered
   BasicPipeline<foreign::DualQuaternionPose> pipeline(s.camera(), options);
   testing::SyntheticFrame image;
   std::vector<Keypoint> keypoints;

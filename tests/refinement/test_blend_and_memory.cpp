@@ -54,24 +54,74 @@ TEST_CASE("the feature pose fills what the images leave open") {
   Matrix6 information = Matrix6::Zero();
   information.diagonal() << 1e9, 1e9, 0, 1e9, 1e9, 1e9;
   const Pose Tf = room::pose(.1, .1, .1, 0, 0, 0);
-  const Pose T = blend(Tf, Pose::Identity(), .3, detail::feature_information(1, 1), information);
+  const Pose T = blend(Tf, Pose::Identity(), .3, detail::feature_information(Matrix6::Zero()), information);
   CHECK(T.translation().z() == doctest::Approx(.1).epsilon(1e-3));
   CHECK(std::abs(T.translation().x()) < 1e-4);
 }
 
-TEST_CASE("the worse the features, the less their pose counts") {
+TEST_CASE("the less a frame is trusted, the less its feature pose counts") {
   Matrix6 information = Matrix6::Zero();
   information.diagonal() << 1e4, 1e4, 1e4, 1e4, 1e4, 1e4;  // 1 cm
   const Pose Tf = room::pose(.1, 0, 0, 0, 0, 0);
   double last = .1;
-  for (const double S_feature : {1.0, .5, .2, .1, .02, 0.0, -1.0}) {
-    const BlendEvidence e{.4, 1, S_feature, information};  // w_diff = 0.45
+  for (const double S_final : {1.0, .5, .2, .1, .02, 0.0, -1.0}) {
+    const BlendEvidence e{.4, 1, S_final, information};
     const double x = blend(Tf, Pose(Pose::Identity()), Tf, e).T_world_camera.translation().x();
     CHECK(x <= last);
     CHECK(x >= 0);
     last = x;
   }
   CHECK(last < 1e-3);
+}
+
+TEST_CASE("the joined pose is the most probable one of both") {
+  const Pose Td = room::pose(.3, -.2, .5, 20, 30, -10);
+  const Pose Tf = Td * room::pose(.02, -.01, .03, .5, -.8, .3);
+  Matrix6 root = Matrix6::Zero();  // information of both with all their cross terms
+  for (int i = 0; i < 6; ++i)
+    for (int k = 0; k <= i; ++k) root(i, k) = 40 * std::sin(3.0 * i + 7.0 * k + 1) + (i == k ? 120 : 0);
+  BlendEvidence e;
+  e.S_final = .6;
+  e.c_dir = .8;
+  e.direct_information = root * root.transpose();
+  e.feature_information = 3 * root.transpose() * root;
+  const Matrix6 F = e.S_final * kFeatureInformationShare * e.feature_information;
+  const Matrix6 D = e.c_dir * e.direct_information;
+  const auto cost = [&](const Pose& T) {
+    const Twist f = se3_log(inverse(T) * Tf), d = se3_log(inverse(T) * Td);
+    return f.dot(F * f) + d.dot(D * d);
+  };
+  const Blended<> b = blend(Tf, Td, Tf, e);
+  REQUIRE_FALSE(b.gated);
+  CHECK(b.w_eff > 0);
+  CHECK(b.w_eff < 1);
+  const Twist xi = se3_log(inverse(Td) * Tf);
+  const Twist step = (F + D).ldlt().solve(F * xi);
+  CHECK((se3_log(inverse(Td) * b.T_world_camera) - step).norm() < 1e-12);
+  CHECK(b.w_eff == doctest::Approx(step.head<3>().norm() / xi.head<3>().norm()));
+  const double least = cost(b.T_world_camera);
+  CHECK(least < cost(Tf));
+  CHECK(least < cost(Td));
+  for (int i = 0; i < 6; ++i) {
+    for (const double h : {-3e-3, 3e-3}) {
+      Twist off = Twist::Zero();
+      off(i) = h;
+      CHECK(least < cost(b.T_world_camera * se3_exp(off)));
+    }
+  }
+}
+
+TEST_CASE("a feature tracker that does not tell its information, or tells nonsense, counts with a fixed one") {
+  const Matrix6 fixed = detail::feature_information(Matrix6::Zero());
+  CHECK(fixed(0, 0) == doctest::Approx(1 / (kFeatureSigmaTranslation * kFeatureSigmaTranslation)));
+  CHECK(fixed(5, 5) == doctest::Approx(1 / (kFeatureSigmaRotation * kFeatureSigmaRotation)));
+  Matrix6 nan = Matrix6::Identity();
+  nan(2, 4) = std::nan("");
+  CHECK(detail::feature_information(nan) == fixed);
+  Matrix6 open = Matrix6::Identity();
+  open(3, 3) = 0;
+  CHECK(detail::feature_information(open) == fixed);
+  CHECK(detail::feature_information(Matrix6::Identity() * 5)(1, 1) == doctest::Approx(5 * kFeatureInformationShare));
 }
 
 TEST_CASE("distance of a reference and its time decay") {
@@ -116,6 +166,88 @@ TEST_CASE("memory keeps the recent frames and selects the nearest") {
   CHECK(memory.correct(4, Pose::Identity()));
 }
 
+TEST_CASE("the frame before is one more reference while it is recent, and follows the corrections of the others") {
+  const Pinhole cam = room::camera(160);
+  const room::Frame f = room::render(cam, Pose::Identity());
+  const FrameDescriptor d{depth_grid(f.depth), {}};
+  ReferenceMemory memory;
+  FramePyramid p;
+  ReferenceMemory::Selection s;
+  memory.add_previous(1, s);
+  CHECK(s.references.empty());  // there is none yet
+  p.build(f.view(1), cam, {}, {}, PyramidRole::Reference);
+  const std::int64_t stored = memory.insert(p, d, Pose::Identity());
+  memory.keep_previous(p, Pose::Identity());
+  memory.select(1.1, Pose::Identity(), d, s);
+  memory.add_previous(1.1, s);
+  CHECK(s.references.size() == 1);  // it is the one that is stored
+  p.build(f.view(1.1), cam, {}, {}, PyramidRole::Reference);
+  memory.keep_previous(p, room::pose(.02, 0, 0, 0, 0, 0));
+  const auto previous = [&](double t) {
+    memory.select(t, Pose::Identity(), d, s);
+    memory.add_previous(t, s);
+    return s.references.size() == 2;
+  };
+  REQUIRE(previous(1.2));
+  CHECK(s.references[1].T_world_reference.translation().x() == .02);
+  CHECK(s.references[1].weight == doctest::Approx(kPreviousWeight * std::exp(-.05)));
+  CHECK(s.references[1].pyramid->timestamp() == 1.1);
+  CHECK_FALSE(previous(1.7));  // too long ago
+  CHECK_FALSE(previous(1.1));  // the frame itself
+  Pose turned = room::pose(0, 0, 0, 0, 0, 90);
+  turned.translation() = Eigen::Vector3d(1, 0, 0);
+  REQUIRE(memory.correct(stored, turned));
+  REQUIRE(previous(1.2));
+  CHECK((s.references[1].T_world_reference.translation() - Eigen::Vector3d(1, .02, 0)).norm() < 1e-12);
+  memory.clear();
+  CHECK_FALSE(previous(1.2));
+}
+
+TEST_CASE("a prediction that errs with the feature pose does not vote for it against the pose before") {
+  const Pinhole cam = room::camera(320);
+  Refiner refiner(cam);
+  for (int i = 0; i < 6; ++i) {
+    const Pose T = room::pose(.02 * i, 0, 0, 0, .5 * i, 0);
+    const room::Frame f = room::render(cam, T, {}, static_cast<unsigned>(i + 1));
+    refiner.remember(f.view(.1 * i), {}, T);
+  }
+  const Pose truth = room::pose(.11, 0, 0, 0, 2.7, 0);
+  const room::Frame f = room::render(cam, truth, {}, 9);
+  Refiner::Input in;
+  in.frame = f.view(.6);
+  in.T_world_feature = truth * room::pose(1, .2, 0, 0, 0, 0);
+  in.T_world_predicted = truth * room::pose(.9, .2, 0, 0, 0, 0);
+  in.T_world_previous = room::pose(.10, 0, 0, 0, 2.5, 0);
+  const Refinement r = refiner.refine(in);
+  REQUIRE(r.refined);
+  REQUIRE(r.gated);
+  CHECK(room::translation_error(r.T_world_camera, truth) < .01);
+}
+
+TEST_CASE("a frame just refined is remembered without reading it again, and bad ones teach no speed") {
+  const Pinhole cam = room::camera(320);
+  const auto at = [](int i) { return room::pose(.004 * i, 0, 0, 0, .1 * i, 0); };
+  Refiner twice(cam), once(cam);  // one is given the frames again, the other an empty image in their place
+  for (int i = 0; i < 12; ++i) {
+    const room::Frame f = room::render(cam, at(i), {}, static_cast<unsigned>(i + 1));
+    const RgbdFrame now = f.view(.033 * i);
+    Refiner::Input in;
+    in.frame = now;
+    in.T_world_feature = in.T_world_predicted = in.T_world_previous = at(i);
+    const Refinement a = twice.refine(in);
+    const Refinement b = once.refine(in);
+    CHECK(a.T_world_camera.matrix() == b.T_world_camera.matrix());
+    CHECK(a.refined == (i > 0));
+    RgbdFrame unread = now;
+    if (i > 0) unread.depth = unread.intensity = {};
+    twice.remember(now, {}, a.T_world_camera);
+    once.remember(unread, {}, b.T_world_camera);
+  }
+  CHECK(twice.memory().size() == once.memory().size());
+  CHECK(once.memory().size() > 1);
+  CHECK(once.typical_scale_depth() == twice.typical_scale_depth());
+}
+
 TEST_CASE("as printed: the weight of (17) asks nobody, and averages what is far apart") {
   BlendOptions o;
   o.weight = BlendWeight::Printed;
@@ -133,11 +265,12 @@ TEST_CASE("as printed: the weight of (17) asks nobody, and averages what is far 
 TEST_CASE("with a transition the direct pose gains its weight as S_final falls below the threshold") {
   BlendOptions o;
   o.form = BlendForm::ScrewLinear;
-  o.transition = .05;
   const Pose Td = Pose::Identity();
   const Pose Tf = room::pose(.1, 0, 0, 0, 0, 0);
   BlendEvidence e{1, 1};
-  const double full = blend(Tf, Td, Tf, e).w_eff;  // exp(-2)
+  const double full = blend(Tf, Td, Tf, e, o).w_eff;
+  CHECK(full == doctest::Approx(std::exp(-2.0)));
+  o.transition = .05;
   CHECK(blend(Tf, Td, Tf, e, o).w_eff == full);    // nobody says how far below
   double last = 1;
   for (const double below : {-.01, 0.0, .01, .025, .04, .05, .2}) {

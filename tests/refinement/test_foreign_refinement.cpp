@@ -109,7 +109,7 @@ TEST_CASE_TEMPLATE("blend gives back the type it gets, and the ends bit by bit",
   const Matrix6 F = Matrix6::Identity() * 2e4;
   const Matrix6 D = Matrix6::Identity() * 1e4;
   CHECK(distance(blend(f, d, .3, F, D), blend(Tf, Td, .3, F, D)) <= 4 * kRounding<PoseT>);
-  const BlendEvidence evidence{.4, .9, .5, D};
+  const BlendEvidence evidence{.4, .9, .5, D, F};
   const Blended<PoseT> b = blend(f, d, f, evidence);
   CHECK(distance(b.T_world_camera, blend(Tf, Td, Tf, evidence).T_world_camera) <= 4 * kRounding<PoseT>);
   CHECK(distance(blend(f, d, 1.0), to_pose(f)) == 0);

@@ -174,6 +174,61 @@ TEST_CASE("the tracks carry the pose where the map shows nothing, but not for ev
   }
 }
 
+TEST_CASE("where the map shows nothing it grows from a pose that is known otherwise, if that is allowed") {
+  for (const bool allowed : {true, false}) {
+    Recording r("static_xyz");
+    LandmarkTracker tracker(r.room.camera());
+    const auto estimate = [&](int i, bool same_place) {
+      r.next(i);
+      std::vector<Descriptor> descriptors = r.found.descriptors();
+      for (Descriptor& d : descriptors)
+        for (std::uint8_t& byte : d) byte = static_cast<std::uint8_t>(same_place ? byte : ~byte);
+      tracker.begin(r.image.rgbd(), r.found.keypoints(), descriptors, none);
+      return tracker.estimate();
+    };
+    for (int i = 0; i < 5; ++i) tracker.commit(estimate(i, true).T_world_camera, none, true);
+    const int keyframes = tracker.keyframes();
+    const FeatureResult lost = estimate(5, false);
+    REQUIRE_FALSE(lost.ok);
+    CHECK(lost.information == Matrix6::Zero());  // nothing is known of a pose that was not found
+    tracker.commit(r.truth(5), none, allowed);
+    CHECK(tracker.keyframes() == keyframes + (allowed ? 1 : 0));
+    const FeatureResult next = estimate(6, false);
+    CHECK(next.ok == allowed);
+    if (next.ok) CHECK(position_error(next.T_world_camera, r.truth(6)) < 0.01);
+  }
+}
+
+TEST_CASE("after a frame of which nothing was known, few matches are no proof of a place") {
+  for (const bool was_lost : {true, false}) {
+    Recording r("static_xyz");
+    LandmarkTracker tracker(r.room.camera());
+    for (int i = 0; i < 7; ++i) {
+      r.next(i);
+      std::vector<Keypoint> keypoints = r.found.keypoints();
+      std::vector<Descriptor> descriptors = r.found.descriptors();
+      if (i == 5 && was_lost) keypoints.clear(), descriptors.clear();
+      if (i == 6) {  // as many as are enough for a camera that is known to be near, and too few for one found again
+        std::size_t n = 0;
+        for (std::size_t k = 0; k < keypoints.size(); k += keypoints.size() / 42, ++n) {
+          keypoints[n] = keypoints[k];
+          descriptors[n] = descriptors[k];
+        }
+        keypoints.resize(n);
+        descriptors.resize(n);
+      }
+      tracker.begin(r.image.rgbd(), keypoints, descriptors, none);
+      const FeatureResult pose = tracker.estimate();
+      if (i == 6) {
+        CHECK(pose.ok == !was_lost);
+        CHECK(pose.matches < 50);
+        if (!was_lost) CHECK(pose.inliers >= 30);
+      }
+      tracker.commit(i < 6 ? r.truth(i) : pose.T_world_camera, none, i < 5);
+    }
+  }
+}
+
 TEST_CASE("wrong calls of the tracker are told") {
   Recording r("static_xyz");
   r.next(0);

@@ -13,7 +13,13 @@
 #include <apso/traits/frame.hpp>
 
 struct ApsoBridge {
-  explicit ApsoBridge(const apso::Pinhole& c) : camera(c), pipeline(c) {}
+  explicit ApsoBridge(const apso::Pinhole& c) : camera(c), pipeline(c, options()) {}
+  // GOOD frames keep the pose of ORB-SLAM3, whose map and bundle adjustment are its own.
+  static apso::PipelineOptions options() {
+    apso::PipelineOptions o;
+    o.refine = apso::RefinedFrames::BadOnly;
+    return o;
+  }
   apso::Pinhole camera;
   apso::Pipeline pipeline;
   apso::Pose T_world_predicted = apso::Pose::Identity();

@@ -19,8 +19,15 @@ class ApsoHook {
  public:
   using Pipeline = apso::BasicPipeline<Sophus::SE3f>;
 
-  ApsoHook(float fx, float fy, float cx, float cy, int width, int height, const apso::PipelineOptions& options = {})
+  ApsoHook(float fx, float fy, float cx, float cy, int width, int height, const apso::PipelineOptions& options = Options())
       : pipeline_(pinhole(fx, fy, cx, cy, width, height), options) {}
+
+  /// GOOD frames keep the pose of ORB-SLAM3, whose map and bundle adjustment are its own.
+  static apso::PipelineOptions Options() {
+    apso::PipelineOptions options;
+    options.refine = apso::RefinedFrames::BadOnly;
+    return options;
+  }
 
   /// In GrabImageRGBD, between the construction of mCurrentFrame and Track(): finds what moves and hides the keypoints
   /// there from matching (mGrid) and from the map (mvDepth).

@@ -15,7 +15,7 @@ struct RgbdSlam::State {
   static apso::PipelineOptions options(const SlamSettings& s) {
     apso::PipelineOptions o;
     o.motion = s.motion;
-    o.refinement = s.refinement;
+    if (!s.refinement) o.refine = apso::RefinedFrames::None;
     return o;
   }
   SlamSettings settings;
@@ -37,7 +37,7 @@ SlamFrame RgbdSlam::process(double timestamp, const apso::Image<std::uint8_t>& g
   const apso::Observation& seen = s.pipeline.observe(frame, prior.T_world_camera, s.tracker.tracks());
   const auto features = seen.informative ? s.tracker.estimate(seen.mask.probability) : prior;
   s.pipeline.assess(s.tracker.keypoints(), s.tracker.tracks(),
-                    {features.T_world_camera, features.T_world_predicted, features.ok});
+                    {features.T_world_camera, features.T_world_predicted, features.ok, features.information});
   const apso::FrameReport& report = s.pipeline.conclude();
   s.tracker.commit(report.T_world_camera, seen.mask.probability, report.keyframe_allowed);
   // [/frame]

@@ -15,6 +15,7 @@ APSO_NAMESPACE_BEGIN
 /// them.
 [[nodiscard]] inline PipelineOptions paper_options() {
   PipelineOptions o;
+  o.refine = RefinedFrames::BadOnly;
   o.assessor = paper_assessor_options();
   o.refiner = paper_refiner_options();
   return o;

@@ -1,5 +1,5 @@
 /// \file
-/// The order of the method for one frame: observe what moves, assess the frame, repair its pose if it is BAD.
+/// The order of the method for one frame: observe what moves, assess the frame, refine its pose.
 ///
 /// The feature tracker stays the host's own. A frame goes like this (T_prior: any guess of the pose):
 /// \code
@@ -7,13 +7,14 @@
 ///   const auto& seen = pipeline.observe(now, T_prior, tracks);                         // what moves?
 ///   // ... the host tracks its features outside of seen.mask ...
 ///   pipeline.assess(keypoints, tracks, {T_world_feature, T_world_predicted, ok});      // can it be trusted?
-///   const auto& report = pipeline.conclude();                                          // repair if BAD, remember if GOOD
+///   const auto& report = pipeline.conclude();                                          // refine, remember what is right
 ///   // ... the host takes report.T_world_camera, and makes keyframes only if report.keyframe_allowed ...
 /// \endcode
 /// Images, keypoints, tracks, detections and poses are of any type with traits (docs/concepts). `apso::none` stands for a
 /// list or a mask that the host does not have. Nothing of the host's is referred to after a call has returned.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <type_traits>
 #include <utility>
@@ -22,6 +23,7 @@
 #include <apso/config.hpp>
 #include <apso/executor.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/small_matrix.hpp>
 #include <apso/observation/dynamic_mask.hpp>
 #include <apso/observation/motion_policy.hpp>
 #include <apso/observation/objects/object_tracker.hpp>
@@ -41,10 +43,18 @@
 
 APSO_NAMESPACE_BEGIN
 
+/// Which frames direct alignment refines.
+enum class RefinedFrames {
+  Every,    ///< all: of a GOOD frame both poses are right, and joined they are more exact than each
+  BadOnly,  ///< as in the paper: a GOOD frame keeps its feature pose
+  None,
+};
+constexpr std::array<const char*, 3> enum_names(RefinedFrames) { return {"every", "bad_only", "none"}; }
+
 template <class AssessorOptionsT = AssessorOptions, class RefinerOptionsT = RefinerOptions>
 struct BasicPipelineOptions {
   bool motion = true;      ///< ask the motion policy; false: a movable detection counts as moving (as in the paper)
-  bool refinement = true;  ///< repair the pose of BAD frames
+  RefinedFrames refine = RefinedFrames::Every;
   ObjectTrackerOptions objects;
   AssessorOptionsT assessor;
   RefinerOptionsT refiner;
@@ -52,13 +62,17 @@ struct BasicPipelineOptions {
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("motion", s.motion);
-    v("refinement", s.refinement);
+    v("refine", s.refine);
     v("objects", s.objects);
     v("assessor", s.assessor);
     v("refiner", s.refiner);
   }
 };
 using PipelineOptions = BasicPipelineOptions<>;
+
+/// Confidence of a direct pose from which a map may grow where the features have failed. A pose with an open direction has less
+/// (see direct_confidence()).
+inline constexpr double kSureConfidence = 0.75;
 
 /// What the first module found.
 struct Observation {
@@ -74,6 +88,9 @@ struct FeaturePose {
   PoseT T_world_feature = from_pose<PoseT>(identity_pose());    ///< pose from features
   PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< pose from the motion model alone
   bool ok = false;                                               ///< feature tracking succeeded
+  Matrix6 information = zeros<Matrix6>();  ///< of T_world_feature, for the increment d of T_camera_world <- Exp(d) T_camera_world,
+                                           ///< translation first [1/m^2, 1/rad^2]: the normal matrix of the pose optimisation;
+                                           ///< zero = not known
 };
 
 /// Owns the state of the three modules. Not thread-safe; use one per camera.
@@ -125,7 +142,7 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   template <class Keypoints, class Tracks>
   const Assessment& assess(const Keypoints& keypoints, const Tracks& tracks, const FeaturePose<PoseT>& pose);
 
-  /// Module 3 on BAD frames, and the memory of all modules. Once after each assess().
+  /// Module 3, and the memory of all modules. Once after each assess().
   /// \param executor for the refinement; the report does not depend on its threads
   /// \returns valid until the next call
   template <class Executor = SerialExecutor>
@@ -185,6 +202,7 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   Pose T_world_feature_ = identity_pose();
   Pose T_world_predicted_ = identity_pose();
   bool feature_ok_ = false;
+  Matrix6 feature_information_ = zeros<Matrix6>();
   FlowGrid flow_;
   Report report_;
   Pose T_world_previous_ = identity_pose();

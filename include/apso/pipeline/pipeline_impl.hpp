@@ -88,6 +88,7 @@ auto BasicPipeline<P, M, A, R>::assess(const Keypoints& keypoints, const Tracks&
     -> const Assessment& {
   expects(next_ == Step::Assess, "Pipeline::assess: call observe() for the frame first, and assess() once");
   feature_ok_ = pose.ok;
+  feature_information_ = pose.information;
   T_world_feature_ = taken(pose.T_world_feature);
   T_world_predicted_ = taken(pose.T_world_predicted);
   expects(is_finite(T_world_predicted_), "Pipeline::assess: T_world_predicted is not finite");
@@ -119,7 +120,8 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
   next_ = Step::Observe;
   Pose T_world_camera = feature_ok_ ? T_world_feature_ : T_world_predicted_;
   const bool initialising = report_.state == SceneState::Initialising;
-  if (report_.state == SceneState::Bad && options_.refinement) {
+  const bool bad = report_.state == SceneState::Bad;
+  if (bad ? options_.refine != RefinedFrames::None : options_.refine == RefinedFrames::Every) {
     typename R::Input input;
     input.frame = work_.frame();
     input.dynamic_probability = observation_.mask.probability;
@@ -132,10 +134,12 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     input.T_world_previous = has_previous_ ? T_world_previous_ : T_world_predicted_;
     const MaybeDeviation& change = report_.assessment.S_change;
     input.S_change = change ? change->value() : 1.0;
-    const MaybeQuality feature = report_.assessment.of(ScoreRole::FeatureQuality);
-    input.S_feature = feature ? feature->value() : 1.0;
     const MaybeQuality& final_score = report_.assessment.S_final;
-    if (final_score) input.below_threshold = report_.assessment.th_differ - final_score->value();
+    if (final_score) {
+      input.S_final = final_score->value();
+      input.below_threshold = report_.assessment.th_differ - final_score->value();
+    }
+    input.feature_information = feature_information_;
     report_.refinement = refiner_.refine(input, executor);
     report_.refined = report_.refinement.refined;
     if (report_.refined) {
@@ -148,11 +152,15 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
 
   T_world_camera = normalized(T_world_camera);
   report_.T_world_camera = from_pose<P>(T_world_camera);
-  report_.keyframe_allowed = feature_ok_ && (report_.state == SceneState::Good || initialising);
+  // Where the features have failed, a sure direct pose may be built upon, or a tracker that has lost its map never finds a new
+  // one. The paper's switch builds on GOOD frames only.
+  const bool repaired = !feature_ok_ && report_.refined && report_.refinement.c_dir >= kSureConfidence &&
+                        options_.refine == RefinedFrames::Every;
+  report_.keyframe_allowed = repaired || (feature_ok_ && (report_.state == SceneState::Good || initialising));
   if (options_.motion && report_.state != SceneState::Lost) {
     motion_.remember(work_.frame(), T_world_camera, observation_.mask);
   }
-  if (report_.keyframe_allowed && options_.refinement) {
+  if (report_.keyframe_allowed && options_.refine != RefinedFrames::None) {
     refiner_.remember(work_.frame(), observation_.mask.probability, T_world_camera, executor, flow_);
   }
   T_world_previous_ = T_world_camera;

@@ -16,12 +16,12 @@ struct BasicFrameReport {
   double timestamp = 0;                      ///< [s]
   SceneState state = SceneState::Initialising;
   AssessmentT assessment;                    ///< scores, weights, thresholds and flags of the frame
-  bool refined = false;                      ///< T_world_camera is the blend of feature and direct pose
-  RefinementT refinement{};                  ///< of this frame when it was BAD; status NotRun otherwise
+  bool refined = false;                      ///< a direct pose was trusted: T_world_camera joins it with the feature pose
+  RefinementT refinement{};                  ///< of this frame; status NotRun if it was not refined at all
   PoseT T_world_feature = from_pose<PoseT>(identity_pose());  ///< pose of the feature tracker
   PoseT T_world_direct = from_pose<PoseT>(identity_pose());   ///< of direct alignment, if `refined`
   PoseT T_world_camera = from_pose<PoseT>(identity_pose());   ///< final pose; in state Lost only the prediction
-  bool keyframe_allowed = false;             ///< the map may learn from this frame (never on BAD)
+  bool keyframe_allowed = false;             ///< the map may learn from this frame: GOOD, or without features but with a sure direct pose
 };
 using FrameReport = BasicFrameReport<>;
 

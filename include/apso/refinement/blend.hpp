@@ -26,7 +26,7 @@ APSO_NAMESPACE_BEGIN
 enum class BlendForm {
   ScrewLinear,          ///< T_d Exp(w Log(T_d^-1 T_f)); does not depend on which frame is called fixed
   Decoupled,            ///< rotation by slerp, translation linearly; depends on it
-  InformationWeighted,  ///< the feature pose fills the directions that the images leave open
+  InformationWeighted,  ///< the most probable pose of both, each with the information it has about each direction
 };
 constexpr std::array<const char*, 3> enum_names(BlendForm) { return {"screw_linear", "decoupled", "information_weighted"}; }
 
@@ -39,7 +39,7 @@ constexpr std::array<const char*, 2> enum_names(BlendWeight) { return {"confiden
 
 struct BlendOptions {
   double mu = 2.0;                                   ///< of w_diff = exp(-mu S_change); the paper gives no value
-  BlendForm form = BlendForm::InformationWeighted;   ///< docs/quality.md has the ablation
+  BlendForm form = BlendForm::InformationWeighted;   ///< docs/quality.md has the ablation; the others average by w_diff
   BlendWeight weight = BlendWeight::Confidence;
   double transition = 0;  ///< S_final below th_differ over which the direct pose gains its weight, so that the output does
                           ///< not jump where GOOD becomes BAD; typical 0.05; 0 = at once, as the paper has it
@@ -55,10 +55,13 @@ struct BlendOptions {
 /// Poses farther apart than two units of motion_distance() are two answers, not one with noise: they are not averaged.
 inline constexpr double kBlendGateTranslation = 2 * kMotionSigmaTranslation;  ///< [m]
 inline constexpr double kBlendGateRotation = 2 * kMotionSigmaRotation;        ///< [rad]
-/// Standard deviation of a feature pose when S_feature is 1, as apso_track reaches on static recordings; it grows with
-/// 1 / S_feature.
+/// Standard deviation of a feature pose whose tracker does not tell its information: what apso_track reaches on static
+/// recordings.
 inline constexpr double kFeatureSigmaTranslation = 0.005;    ///< [m]
 inline constexpr double kFeatureSigmaRotation = 0.0025;      ///< [rad]
+/// What is believed of the information that a feature tracker tells. Its errors are taken for independent there, but
+/// landmarks are seen again and again from nearly the same place, and err alike.
+inline constexpr double kFeatureInformationShare = 0.3;
 
 /// Weight of the feature pose, w_diff = exp(-mu S_change), in [exp(-mu), 1].
 [[nodiscard]] inline double difference_weight(double S_change, double mu) { return std::exp(-mu * clamp01(S_change)); }
@@ -76,32 +79,55 @@ namespace detail {
                    (1 - w) * translation(T_direct) + w * translation(T_feature));
 }
 
-// The maximum of two Gaussians around the poses. `feature` and `direct` are their information, with their weights.
-[[nodiscard]] inline Pose join_by_information(const Pose& T_feature, const Pose& T_direct, double w, const Matrix6& feature,
-                                              const Matrix6& direct) {
+// Maximum of two Gaussians around the poses, of information F and D. In `share`, if asked for: how much of the way from the
+// direct to the feature position is made, between 0 and 1, which stand for poses that are taken as they are.
+[[nodiscard]] inline Pose join_by_information(const Pose& T_feature, const Pose& T_direct, const Matrix6& F, const Matrix6& D,
+                                              double fallback, double* share = nullptr) {
   // T_f = T_d Exp(xi); the increment d = -xi of T_c_w from the left has the given information, hence so has xi.
   const Twist xi = se3_log(compose(inverse(T_direct), T_feature));
   Matrix6 A;
   Twist right = zeros<Twist>();
   for (int i = 0; i < 6; ++i) {
     for (int k = 0; k < 6; ++k) {
-      A(i, k) = feature(i, k) + direct(i, k);
-      right(i) += feature(i, k) * xi(k);
+      A(i, k) = F(i, k) + D(i, k);
+      right(i) += F(i, k) * xi(k);
     }
   }
   const Twist step = solve_symmetric(A, right);
-  return all_finite(step) ? compose(T_direct, se3_exp(step)) : sclerp(T_direct, T_feature, w);
+  if (!all_finite(step)) {
+    return sclerp(T_direct, T_feature, fallback);
+  }
+  if (share != nullptr && translation_norm(xi) > 0) {
+    *share = std::clamp(translation_norm(step) / translation_norm(xi), 1e-12, 1 - 1e-12);
+  }
+  return compose(T_direct, se3_exp(step));
 }
 
-// Information of a feature pose, from how good its features are.
-[[nodiscard]] inline Matrix6 feature_information(double S_feature, double w) {
-  const double quality = std::max(0.01, clamp01(S_feature));
+// What is known by a feature pose: what its tracker tells, as far as that is believed; a fixed one if it tells nothing.
+[[nodiscard]] inline Matrix6 feature_information(const Matrix6& told) {
   Matrix6 information = zeros<Matrix6>();
+  bool known = true;
   for (int i = 0; i < 6; ++i) {
-    const double sigma = (i < 3 ? kFeatureSigmaTranslation : kFeatureSigmaRotation) / quality;
-    information(i, i) = w / (sigma * sigma);
+    known = known && told(i, i) > 0;
+    for (int k = 0; k < 6; ++k) {
+      known = known && std::isfinite(told(i, k));
+      information(i, k) = kFeatureInformationShare * told(i, k);
+    }
+  }
+  if (known) return information;
+  information = zeros<Matrix6>();
+  for (int i = 0; i < 6; ++i) {
+    const double sigma = i < 3 ? kFeatureSigmaTranslation : kFeatureSigmaRotation;
+    information(i, i) = 1 / (sigma * sigma);
   }
   return information;
+}
+
+[[nodiscard]] inline Matrix6 scaled_information(double factor, const Matrix6& information) {
+  Matrix6 scaled = zeros<Matrix6>();
+  for (int i = 0; i < 6; ++i)
+    for (int k = 0; k < 6; ++k) scaled(i, k) = factor * information(i, k);
+  return scaled;
 }
 }  // namespace detail
 
@@ -125,16 +151,18 @@ template <class PoseT>
   check_pose<PoseT>();
   if (w >= 1) return T_feature;
   if (!(w > 0)) return T_direct;
-  return from_pose<PoseT>(detail::join_by_information(to_pose(T_feature), to_pose(T_direct), w, w * feature_information,
-                                                      (1 - w) * direct_information));
+  return from_pose<PoseT>(detail::join_by_information(to_pose(T_feature), to_pose(T_direct),
+                                                      detail::scaled_information(w, feature_information),
+                                                      detail::scaled_information(1 - w, direct_information), w));
 }
 
 /// What is known of two poses besides themselves.
 struct BlendEvidence {
   double S_change = 0;   ///< change score, [0,1]
   double c_dir = 1;      ///< confidence in the direct pose, [0,1]
-  double S_feature = 1;  ///< quality of the features, [0,1]; used by InformationWeighted only
-  Matrix6 direct_information = zeros<Matrix6>();  ///< of the increment (v, w) in the camera frame; for the same
+  double S_final = 1;    ///< trust in the frame, [0,1]; this and the two below are used by InformationWeighted only
+  Matrix6 direct_information = zeros<Matrix6>();   ///< of the increment (v, w) in the camera frame [1/m^2, 1/rad^2]
+  Matrix6 feature_information = zeros<Matrix6>();  ///< the same; zero = the tracker does not tell
   double below_threshold = std::numeric_limits<double>::infinity();  ///< th_differ - S_final; for BlendOptions::transition
 };
 
@@ -142,7 +170,7 @@ template <class PoseT = Pose>
 struct Blended {
   PoseT T_world_camera = from_pose<PoseT>(identity_pose());
   double w_diff = 1;   ///< weight of the feature pose from the change score
-  double w_eff = 1;    ///< weight used
+  double w_eff = 1;    ///< weight used; for InformationWeighted the share of the way to the feature position that was made
   bool gated = false;  ///< the poses were too far apart to be blended
 };
 
@@ -151,7 +179,12 @@ namespace detail {
                                                 const BlendEvidence& e, const BlendOptions& o) {
   Blended<Pose> b;
   b.w_diff = difference_weight(e.S_change, o.mu);
-  b.w_eff = o.weight == BlendWeight::Printed ? b.w_diff : effective_weight(b.w_diff, e.c_dir);
+  const bool joined = o.form == BlendForm::InformationWeighted;
+  if (joined) {
+    b.w_eff = 1 - clamp01(e.c_dir);
+  } else {
+    b.w_eff = o.weight == BlendWeight::Printed ? b.w_diff : effective_weight(b.w_diff, e.c_dir);
+  }
   if (o.transition > 0) {
     const double g = clamp01(e.below_threshold / o.transition);
     b.w_eff = 1 - g * g * (3 - 2 * g) * (1 - b.w_eff);
@@ -165,11 +198,13 @@ namespace detail {
     const bool direct = e.c_dir > 0.5 && motion_distance(T_direct, T_predicted) < motion_distance(T_feature, T_predicted);
     b.w_eff = direct ? 0.0 : 1.0;
     b.T_world_camera = direct ? T_direct : T_feature;
+  } else if (joined) {
+    const double c_dir = 1 - b.w_eff;  // with the transition, if there is one
+    const Matrix6 F = scaled_information(clamp01(e.S_final), feature_information(e.feature_information));
+    b.T_world_camera =
+        join_by_information(T_feature, T_direct, F, scaled_information(c_dir, e.direct_information), b.w_eff, &b.w_eff);
   } else if (!(b.w_eff > 0)) {
     b.T_world_camera = T_direct;
-  } else if (o.form == BlendForm::InformationWeighted) {
-    b.T_world_camera = join_by_information(T_feature, T_direct, b.w_eff, feature_information(e.S_feature, b.w_eff),
-                                           (1 - b.w_eff) * e.direct_information);
   } else {
     b.T_world_camera = blend_poses(T_feature, T_direct, b.w_eff, o.form);
   }
@@ -177,8 +212,10 @@ namespace detail {
 }
 }  // namespace detail
 
-/// Weights, gate and blend in one. With c_dir = 0 the result is the feature pose. Of two poses that are too far apart the
-/// direct one is taken if it is trusted (c_dir > 0.5) and nearer to the prediction, else the feature pose.
+/// Weights, gate and blend in one. InformationWeighted weighs each pose by its information and by how far it is trusted,
+/// S_final F against c_dir D; the other forms average by w_diff = exp(-mu S_change). With c_dir = 0 the result is the feature
+/// pose. Of two poses that are too far apart the direct one is taken if it is trusted (c_dir > 0.5) and nearer to the
+/// prediction, else the feature pose.
 /// \param T_predicted motion prediction, decides between poses that are too far apart
 template <class PoseT>
 [[nodiscard]] Blended<PoseT> blend(const PoseT& T_feature, const PoseT& T_direct, const PoseT& T_predicted,

@@ -1,8 +1,9 @@
 /// \file
-/// Repairs the pose of a bad frame: chooses references among good frames, aligns directly, judges the result, blends. Images,
-/// tracks and poses are of any type; the pose comes back as the type it came in.
+/// Refines the pose of a frame: chooses references among good frames, aligns directly, judges the result, joins it with the
+/// feature pose. Images, tracks and poses are of any type; the pose comes back as the type it came in.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <type_traits>
@@ -17,6 +18,7 @@
 #include <apso/refinement/blend.hpp>
 #include <apso/refinement/confidence.hpp>
 #include <apso/refinement/memory/frame_descriptor.hpp>
+#include <apso/refinement/memory/motion_distance.hpp>
 #include <apso/refinement/memory/reference_memory.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
 #include <apso/refinement/refiner_options.hpp>
@@ -28,7 +30,7 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// A bad frame and what is known of its pose. Refers to the images until refine() returns.
+/// A frame and what is known of its pose. Refers to the images until refine() returns.
 /// \tparam PoseT any type with pose_traits
 template <class PoseT = Pose>
 struct RefinementInput {
@@ -42,20 +44,22 @@ struct RefinementInput {
   PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< by constant velocity
   PoseT T_world_previous = from_pose<PoseT>(identity_pose());   ///< emitted for the previous frame
   double S_change = 0;             ///< change score (a deviation), [0,1]
-  double S_feature = 1;            ///< quality of the features, [0,1]
+  double S_final = 1;              ///< trust in the frame, [0,1]
+  Matrix6 feature_information = zeros<Matrix6>();  ///< of the increment (v, w) in the camera frame [1/m^2, 1/rad^2];
+                                                   ///< zero = the feature tracker does not tell
   double below_threshold = std::numeric_limits<double>::infinity();  ///< th_differ - S_final; for BlendOptions::transition
 };
 
-/// Outcome for one bad frame.
+/// Outcome for one frame.
 template <class PoseT = Pose>
 struct BasicRefinement {
   Status status = Status::NotRun;    ///< a failure leaves T_world_camera at the feature pose (or prediction)
-  PoseT T_world_camera = from_pose<PoseT>(identity_pose());  ///< the blend
+  PoseT T_world_camera = from_pose<PoseT>(identity_pose());  ///< of both poses joined
   PoseT T_world_direct = from_pose<PoseT>(identity_pose());  ///< of direct alignment alone
   bool refined = false;              ///< the direct pose was believed
   double c_dir = 0;                  ///< confidence in the direct pose, [0,1]
   double w_diff = 1;                 ///< weight of the feature pose by the change score
-  double w_eff = 1;                  ///< weight used
+  double w_eff = 1;                  ///< weight used (see Blended)
   int references = 0;
   double reference_distance = 0;     ///< of the nearest; 0 without references
   bool far_reference = false;        ///< the nearest reference is beyond th_keyframes
@@ -65,7 +69,7 @@ struct BasicRefinement {
 };
 using Refinement = BasicRefinement<>;
 
-/// Refines the poses of bad frames, learns from good ones. Keeps its buffers: once the memory is full, neither kind of frame
+/// Refines poses, and learns from the frames that it is told to remember. Keeps its buffers: once the memory is full, no frame
 /// allocates anything.
 /// \tparam AlignerT a BasicDirectAligner, of a kernel and a noise model of your own if you like
 template <class AlignerT = DirectAligner>
@@ -82,7 +86,7 @@ class BasicRefiner {
     check();
   }
 
-  /// Refines the pose of a bad frame.
+  /// Refines the pose of a frame.
   /// \param executor for the images and the alignment; the result does not depend on its threads
   template <class PoseT, class Executor = SerialExecutor>
   [[nodiscard]] BasicRefinement<PoseT> refine(const RefinementInput<PoseT>& in, const Executor& executor = {}) {
@@ -92,7 +96,8 @@ class BasicRefiner {
     } else {
       const Refinement r = refine_pose(
           {in.frame, in.dynamic_probability, in.flow, in.mask_informative, in.highly_dynamic, to_pose(in.T_world_feature),
-           in.feature_ok, to_pose(in.T_world_predicted), to_pose(in.T_world_previous), in.S_change, in.S_feature, in.below_threshold},
+           in.feature_ok, to_pose(in.T_world_predicted), to_pose(in.T_world_previous), in.S_change, in.S_final, in.feature_information,
+           in.below_threshold},
           executor);
       const bool unchanged = in.feature_ok && !(r.w_eff < 1);
       return {r.status, unchanged ? in.T_world_feature : from_pose<PoseT>(r.T_world_camera), from_pose<PoseT>(r.T_world_direct),
@@ -101,7 +106,8 @@ class BasicRefiner {
     }
   }
 
-  /// Takes in a good frame with its final pose: memory, typical speed, typical residual scales.
+  /// Takes in a good frame with its final pose: memory, typical speed, typical residual scales. Of the frame that was refined
+  /// last the images are not read again.
   /// \param frame a Frame of your images, or an RgbdFrame
   /// \param dynamic_probability as in RefinementInput
   /// \param T_world_camera a pose of any type
@@ -111,26 +117,27 @@ class BasicRefiner {
                 const Executor& executor = {}, const FlowGrid& flow = {}) {
     const Pose& T = T_world_camera;
     if (!is_finite(T)) return;
+    const bool refined_now = last_.pending && !(last_.timestamp < frame.timestamp) && !(frame.timestamp < last_.timestamp);
+    if (refined_now) {
+      last_.pending = false;
+    } else {
+      settle();
+      last_ = {};
+    }
     gate_.learn(frame.timestamp, T);
     const bool store = memory_.wants(frame.timestamp, T);
     const bool measure = memory_.size() > 0 && good_frames_ % kScaleEvery == 0;
+    const bool keep = store || options_.memory.previous;
     ++good_frames_;
-    if (!store && !measure) return;
-    pyramid_.build(frame, camera_, dynamic_probability, options_.pyramid,
-                   store ? (measure ? PyramidRole::Both : PyramidRole::Reference) : PyramidRole::Current, executor);
-    const FrameDescriptor descriptor{describe_(frame.depth(), dynamic_probability, options_.pyramid.depth), flow};
-    if (measure) {
-      memory_.select(frame.timestamp, T, descriptor, selection_);
-      if (!selection_.references.empty() && !selection_.far_reference) {
-        selection_.references.resize(1);
-        const AlignmentResult e = aligner_.evaluate(selection_.references, pyramid_, T, executor);
-        if (succeeded(e.status)) {
-          scale_intensity_.add(e.scale_intensity);
-          scale_depth_.add(e.scale_depth);
-        }
-      }
+    if (!keep && !measure) return;
+    if (!last_.seen || (keep && !options_.memory.previous)) {
+      pyramid_.build(frame, camera_, dynamic_probability, options_.pyramid,
+                     keep ? (measure ? PyramidRole::Both : PyramidRole::Reference) : PyramidRole::Current, executor);
+      descriptor_ = {describe_(frame.depth(), dynamic_probability, options_.pyramid.depth), flow};
     }
-    if (store) memory_.insert(pyramid_, descriptor, T);
+    if (measure) measure_scales(frame.timestamp, T, executor);
+    if (store) memory_.insert(pyramid_, descriptor_, T);
+    if (options_.memory.previous) memory_.keep_previous(pyramid_, T);
   }
 
   /// Forgets everything, as at construction.
@@ -138,6 +145,7 @@ class BasicRefiner {
     memory_.clear();
     for (RunningMedian* m : {&scale_intensity_, &scale_depth_, &entropy_}) m->clear();
     gate_.reset();
+    last_ = {};
     good_frames_ = 0;
   }
 
@@ -153,16 +161,49 @@ class BasicRefiner {
   static constexpr int kScaleEvery = 5;   // good frames between two measurements of the typical scales
   static constexpr int kMinSamples = 3;   // until there are so many, the start value counts
 
+  // The frame that was refined last.
+  struct LastRefined {
+    bool pending = false;  // whether it is a good one is not known yet
+    bool seen = false;     // pyramid_ and descriptor_ are of it
+    bool trusted = false;
+    double timestamp = 0;
+    Pose T_world_direct = identity_pose();
+  };
+
   void check() const {
     camera_.validate();
     validate(options_, "refiner");
   }
   static double typical(RunningMedian& m, double start) { return m.size() >= kMinSamples ? m.median(start) : start; }
 
+  // The frame refined last was no good one: nothing is learnt from it, but a direct pose that was believed is a place where
+  // the camera has been.
+  void settle() {
+    if (!last_.pending) return;
+    gate_.interrupt();
+    if (last_.trusted) gate_.trust(last_.timestamp, last_.T_world_direct);
+    last_.pending = false;
+  }
+
+  // Typical residual scales, from the frame in pyramid_ at its final pose.
+  template <class Executor>
+  void measure_scales(double timestamp, const Pose& T_world_camera, const Executor& executor) {
+    memory_.select(timestamp, T_world_camera, descriptor_, selection_);
+    if (selection_.references.empty() || selection_.far_reference) return;
+    selection_.references.resize(1);
+    const AlignmentResult e = aligner_.evaluate(selection_.references, pyramid_, T_world_camera, executor);
+    if (!succeeded(e.status)) return;
+    scale_intensity_.add(e.scale_intensity);
+    scale_depth_.add(e.scale_depth);
+  }
+
   template <class Executor>
   Refinement refine_pose(const Input& in, const Executor& executor) {
     Refinement r;
-    gate_.interrupt();
+    settle();
+    last_ = {};
+    last_.pending = true;
+    last_.timestamp = in.frame.timestamp;
     const bool feature_ok = in.feature_ok && is_finite(in.T_world_feature);
     const Pose T_predicted = is_finite(in.T_world_predicted) ? in.T_world_predicted : in.T_world_previous;
     const Pose T_guess = feature_ok ? in.T_world_feature : T_predicted;
@@ -174,7 +215,9 @@ class BasicRefiner {
       return r;
     }
     if (!find_references(in, T_guess, r)) return r;
-    pyramid_.build(in.frame, camera_, in.dynamic_probability, options_.pyramid, PyramidRole::Current, executor);
+    pyramid_.build(in.frame, camera_, in.dynamic_probability, options_.pyramid,
+                   options_.memory.previous ? PyramidRole::Both : PyramidRole::Current, executor);
+    last_.seen = true;
     candidates_.clear();
     candidates_.push_back(T_guess);
     if (is_finite(in.T_world_predicted)) candidates_.push_back(in.T_world_predicted);
@@ -185,8 +228,10 @@ class BasicRefiner {
     r.T_world_direct = r.alignment.T_world_camera;
     judge(in.frame.timestamp, r);
     if (feature_ok) {
-      const Blended<Pose> b = blend(in.T_world_feature, r.T_world_direct, T_predicted,
-                                    {in.S_change, r.c_dir, in.S_feature, r.alignment.information, in.below_threshold}, options_.blend);
+      const Blended<Pose> b = blend(in.T_world_feature, r.T_world_direct, expected(in, T_predicted, r.T_world_direct),
+                                    {in.S_change, r.c_dir, in.S_final, r.alignment.information, in.feature_information,
+                                     in.below_threshold},
+                                    options_.blend);
       r.T_world_camera = b.T_world_camera;
       r.w_diff = b.w_diff;
       r.w_eff = b.w_eff;
@@ -195,14 +240,23 @@ class BasicRefiner {
       r.T_world_camera = r.T_world_direct;
       r.w_eff = 0;
     }
-    if (r.refined) gate_.trust(in.frame.timestamp, r.T_world_direct);
+    last_.trusted = r.refined;
+    last_.T_world_direct = r.T_world_direct;
     return r;
+  }
+
+  // Prediction or previous pose, whichever is nearer to one of both poses: a prediction from wrong tracks may be far off.
+  static Pose expected(const Input& in, const Pose& T_predicted, const Pose& T_direct) {
+    if (!is_finite(in.T_world_previous)) return T_predicted;
+    const auto nearer = [&](const Pose& T) { return std::min(motion_distance(T, in.T_world_feature), motion_distance(T, T_direct)); };
+    return nearer(in.T_world_previous) < nearer(T_predicted) ? in.T_world_previous : T_predicted;
   }
 
   // References, and whether they may be used without knowing what moves.
   bool find_references(const Input& in, const Pose& T_guess, Refinement& r) {
-    const FrameDescriptor descriptor{describe_(in.frame.depth(), in.dynamic_probability, options_.pyramid.depth), in.flow};
-    memory_.select(in.frame.timestamp, T_guess, descriptor, selection_);
+    descriptor_ = {describe_(in.frame.depth(), in.dynamic_probability, options_.pyramid.depth), in.flow};
+    memory_.select(in.frame.timestamp, T_guess, descriptor_, selection_);
+    if (options_.memory.previous) memory_.add_previous(in.frame.timestamp, selection_);
     r.references = static_cast<int>(selection_.references.size());
     if (r.references == 0) {
       r.status = Status::NoReference;
@@ -239,9 +293,11 @@ class BasicRefiner {
   AlignerT aligner_;
   FramePyramid pyramid_;
   DepthDescriber describe_;
+  FrameDescriptor descriptor_;
   ReferenceMemory::Selection selection_;
   std::vector<Pose> candidates_;
   SpeedGate gate_;
+  LastRefined last_;
   RunningMedian scale_intensity_{kWindow}, scale_depth_{kWindow}, entropy_{kWindow};
   int good_frames_ = 0;
 };

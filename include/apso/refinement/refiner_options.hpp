@@ -21,7 +21,7 @@ struct RefinerOptions {
   bool require_mask = true;     ///< no refinement of a highly dynamic frame when nobody knows what moves
   double velocity_gate = 1;     ///< multiple of the speed beyond which a direct pose is not believed (see SpeedGate);
                                 ///< 0 = every speed is believed
-  RefinerOptions() { alignment.depth_alone = true; }  // frames of a flash or in the dark are what is repaired here
+  RefinerOptions() { alignment.depth_alone = true; }  // frames of a flash or in the dark are to be repaired here
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("pyramid", s.pyramid);
@@ -45,6 +45,7 @@ struct RefinerOptions {
   o.memory.form = DistanceForm::Sum;
   o.memory.motion = MotionForm::FlowGrid;
   o.memory.decay_form = DecayForm::Printed;
+  o.memory.previous = false;
   o.blend.form = BlendForm::ScrewLinear;
   o.blend.weight = BlendWeight::Printed;
   o.require_mask = false;

@@ -95,7 +95,8 @@ class BasicLandmarkTracker {
 
   /// Ends the frame with its final pose.
   /// \param dynamic_probability as for estimate(): the final mask
-  /// \param allow_keyframe false on frames that are not trusted: the map stays as it is
+  /// \param allow_keyframe whether the pose is right, wherever it comes from: the map may grow from it. A frame that the map
+  ///        did not recognise starts a new part of it
   template <class Mask = None>
   void commit(const PoseT& T_world_camera, const Mask& dynamic_probability, bool allow_keyframe) {
     expects(begun_, "LandmarkTracker::commit: call begin first");
@@ -117,6 +118,7 @@ class BasicLandmarkTracker {
   static constexpr int kMinInliersRelocalised = 50;
   static constexpr double kRelocalisedFor = 1.0;  // [s]
   static constexpr double kFading = 0.8;          // of a motion that is only guessed, per frame
+  static constexpr double kRefinedRadius = 8.0;   // of the search around a pose that is known [px]
 
   template <class Mask>
   void weigh(const Mask& mask) {
@@ -146,7 +148,7 @@ class BasicLandmarkTracker {
 
   [[nodiscard]] std::uint64_t frame_seed() const { return options_.seed + static_cast<std::uint64_t>(frame_number_); }
   [[nodiscard]] int needed_inliers(bool relocalised) const {
-    const bool recently = relocalised || timestamp_ - relocalised_at_ < kRelocalisedFor;
+    const bool recently = relocalised || lost_ || timestamp_ - relocalised_at_ < kRelocalisedFor;
     return recently ? kMinInliersRelocalised : options_.min_inliers;
   }
   [[nodiscard]] bool accepted(const MapPose& found) const {
@@ -191,7 +193,6 @@ class BasicLandmarkTracker {
 
   void search_near_prediction(MapPose& found) {
     constexpr double kRadii[] = {15.0, 30.0};  // [px]
-    constexpr double kRefinedRadius = 8.0;     // [px]
     constexpr std::size_t kMinMatches = 20;
     for (double radius : kRadii) {
       matcher_.match_projections(map_, features_, T_world_predicted_, radius);
@@ -217,7 +218,7 @@ class BasicLandmarkTracker {
     r.track_inliers = track_inliers_;
     r.relocalised = found.relocalised;
     r.from_tracks = from_tracks_;
-    r.information = found.information;
+    if (ok_ && !from_tracks_) r.information = found.information;
     return r;
   }
 
@@ -226,13 +227,16 @@ class BasicLandmarkTracker {
     Pose T = normalized(T_world_camera);
     const bool from_map = ok_ && !from_tracks_;
     misses_ = from_map ? 0 : misses_ + 1;
+    lost_ = !ok_ && !allow_keyframe;
     if (relocalised_ && ok_) relocalised_at_ = timestamp_;
     const bool empty = map_.living_keyframes() == 0;
-    if (allow_keyframe && (from_map || empty)) {
+    if (allow_keyframe) {
       bool due = features_.with_depth >= options_.min_inliers;
       if (!empty) {
+        if (!from_map) matcher_.match_projections(map_, features_, T, kRefinedRadius);
         const int inliers = update_landmarks(features_, T, matcher_, map_, marks_, seen_);
-        due = decision_.due(map_, features_, matcher_.matches(), inliers, timestamp_);
+        // Where the map failed it has to grow; else what it shows decides.
+        if (from_map) due = decision_.due(map_, features_, matcher_.matches(), inliers, timestamp_);
       }
       if (due) T = insert_keyframe(T);
     }
@@ -300,6 +304,7 @@ class BasicLandmarkTracker {
   bool from_tracks_ = false;
   bool relocalised_ = false;
   int track_inliers_ = 0;
+  bool lost_ = false;  // nothing was known of the frame before
   int misses_ = 0;  // frames in a row without a pose from the map
 };
 

@@ -68,7 +68,8 @@ struct BasicFeatureResult {
   int track_inliers = 0;                  ///< tracks that agree with the predicted motion
   bool relocalised = false;               ///< found again among the keyframes
   bool from_tracks = false;               ///< the map failed; the pose is the last one moved along the tracks
-  Matrix6 information = zeros<Matrix6>();  ///< of the twist that multiplies T_camera_world from the left
+  Matrix6 information = zeros<Matrix6>();  ///< of the twist that multiplies T_camera_world from the left, translation first;
+                                           ///< zero unless the pose is from the map
 };
 using FeatureResult = BasicFeatureResult<>;
 

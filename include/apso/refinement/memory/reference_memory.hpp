@@ -1,5 +1,5 @@
 /// \file
-/// The good frames of the recent past, and which of them to align a bad frame to: the paper's eq. (12), and the time decay
+/// The good frames of the recent past, and which of them to align a frame to: the paper's eq. (12), and the time decay
 /// B_k of eq. (16).
 #pragma once
 
@@ -50,6 +50,7 @@ struct MemoryOptions {
   DistanceForm form = DistanceForm::Euclidean;
   MotionForm motion = MotionForm::RelativePose;
   DecayForm decay_form = DecayForm::Age;
+  bool previous = true;        ///< the frame before is one more reference (see kPreviousWeight); the paper has stored ones only
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("capacity", s.capacity, 1, 1000);
@@ -59,6 +60,7 @@ struct MemoryOptions {
     v("form", s.form);
     v("motion", s.motion);
     v("decay_form", s.decay_form);
+    v("previous", s.previous);
   }
 };
 
@@ -77,6 +79,10 @@ struct MemoryOptions {
   const double d = depth_difference / kDepthSigma;
   return form == DistanceForm::Sum ? d + motion_difference : std::sqrt(d * d + motion_difference * motion_difference);
 }
+/// Weight of the frame before among the references, besides B_k: it looks most alike, which makes poses smooth, but its own
+/// pose errs as much as the one that is sought, so that they drift. Of 0.1 to 1, this keeps most of the first for little of
+/// the second.
+inline constexpr double kPreviousWeight = 0.3;
 inline constexpr double kFlowSigma = 20;  ///< unit of the difference of two flow grids [px]
 
 /// A ring of good frames. Poses of any type go in. Reuses the memory of the frames it forgets: once it is full, nothing is
@@ -112,6 +118,7 @@ class ReferenceMemory {
   [[nodiscard]] const Entry& entry(int i) const { return entries_[static_cast<std::size_t>(i)]; }
   void clear() {
     entries_.clear();
+    previous_.id = -1;
     latest_ = -1;
   }
 
@@ -122,6 +129,26 @@ class ReferenceMemory {
     const Pose motion = compose(inverse(e.T_world_reference), T_world_camera);
     return std::abs(timestamp - e.timestamp) >= kSpacingTime || norm(translation(motion)) >= kSpacingTranslation ||
            rotation_angle(motion) >= kSpacingRotation;
+  }
+
+  /// Keeps a frame until the next one comes, beside the stored ones: add_previous() makes it a reference.
+  void keep_previous(const FramePyramid& reference, const AnyPose& T_world_camera) {
+    previous_.id = 0;
+    previous_.timestamp = reference.timestamp();
+    previous_.T_world_reference = T_world_camera;
+    previous_.pyramid.assign_reference(reference);
+  }
+  /// Adds the frame kept last to a selection, if it is recent and not one of the selected.
+  void add_previous(double timestamp, Selection& out) const {
+    const double age = timestamp - previous_.timestamp;
+    if (previous_.id < 0 || !(age > 0) || age > kPreviousAge) return;
+    for (std::int64_t id : out.ids) {
+      for (const Entry& e : entries_) {
+        if (e.id == id && !(e.timestamp < previous_.timestamp)) return;  // the same frame, stored
+      }
+    }
+    add(previous_, timestamp, out);
+    out.references.back().weight *= kPreviousWeight;
   }
 
   /// Stores a frame in place of the oldest one; its id is returned.
@@ -145,10 +172,15 @@ class ReferenceMemory {
     return e.id;
   }
 
-  /// Takes over a pose that a back end has corrected; false if the frame is not stored any more.
+  /// Takes over a pose that a back end has corrected; false if the frame is not stored any more. The frame kept by
+  /// keep_previous() moves along if it is the same or a later one, since its pose hangs on the stored ones.
   bool correct(std::int64_t id, const AnyPose& T_world_reference) {
     for (Entry& e : entries_) {
       if (e.id != id) continue;
+      if (previous_.id >= 0 && !(previous_.timestamp < e.timestamp)) {
+        const Pose T_reference_previous = compose(inverse(e.T_world_reference), previous_.T_world_reference);
+        previous_.T_world_reference = compose(T_world_reference, T_reference_previous);
+      }
       e.T_world_reference = T_world_reference;
       return true;
     }
@@ -198,6 +230,7 @@ class ReferenceMemory {
   static constexpr double kSpacingTime = 0.2;          // [s]
   static constexpr double kSpacingTranslation = 0.05;  // [m]
   static constexpr double kSpacingRotation = 3 * kDegree;  // [rad]
+  static constexpr double kPreviousAge = 0.5;  // [s]: an older one is not the frame before any more
   // Where no reference is near: what is tried all the same.
   static constexpr double kFarDistance = 2.5;
   static constexpr double kFallbackAge = 2.0;  // [s]
@@ -217,8 +250,8 @@ class ReferenceMemory {
     if (!flow) return std::nullopt;
     return reference_distance(*depth, *flow / kFlowSigma, options_.form);
   }
-  void add(int i, double timestamp, Selection& out) const {
-    const Entry& e = entry(i);
+  void add(int i, double timestamp, Selection& out) const { add(entry(i), timestamp, out); }
+  void add(const Entry& e, double timestamp, Selection& out) const {
     const double weight = time_decay(timestamp, e.timestamp, options_.decay, options_.decay_form);
     out.references.push_back({&e.pyramid, e.T_world_reference, weight});
     out.ids.push_back(e.id);
@@ -227,6 +260,7 @@ class ReferenceMemory {
 
   MemoryOptions options_;
   std::vector<Entry> entries_;
+  Entry previous_;
   std::vector<Candidate> order_;
   std::int64_t next_id_ = 0;
   int latest_ = -1;
