@@ -260,6 +260,10 @@ TEST_CASE("as printed: the weight of (17) asks nobody, and averages what is far 
   CHECK_FALSE(b.gated);
   CHECK(b.T_world_camera.translation().x() == doctest::Approx(b.w_diff));
   CHECK(blend(Tf, Td, Tf, BlendEvidence{.5, 0}).w_eff == 1);
+  o.form = BlendForm::InformationWeighted;  // each pose is 1 cm: w_diff of the way
+  const Matrix6 equal = Matrix6::Identity() * 1e4;
+  const Pose T = blend(Tf, Td, Tf, BlendEvidence{.5, 0, 1, equal, equal / kFeatureInformationShare}, o).T_world_camera;
+  CHECK(T.translation().x() == doctest::Approx(b.w_diff));
 }
 
 TEST_CASE("with a transition the direct pose gains its weight as S_final falls below the threshold") {

@@ -101,7 +101,8 @@ inline void mask_to_8bit(const DynamicMask& mask, cv::Mat& out) {
   cv::Mat banner(58, out.cols, CV_8UC3, cv::Scalar(30, 30, 30));
   cv::rectangle(banner, {0, 0, 8, banner.rows}, state_colour(report.state), cv::FILLED);
   char verdict[160];
-  std::snprintf(verdict, sizeof verdict, "%s%s", to_string(report.state), report.refined ? " (refined)" : "");
+  std::snprintf(verdict, sizeof verdict, "%s%s", to_string(report.state),
+                report.state == SceneState::Bad && report.refined ? " (repaired)" : "");
   cv::putText(banner, verdict, {16, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.5, state_colour(report.state), 1, cv::LINE_AA);
   const auto line = [&](const std::string& s, int x, int y) {
     cv::putText(banner, s, {x, y}, cv::FONT_HERSHEY_SIMPLEX, 0.42, {230, 230, 230}, 1, cv::LINE_AA);

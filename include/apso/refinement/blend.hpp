@@ -31,7 +31,7 @@ enum class BlendForm {
 constexpr std::array<const char*, 3> enum_names(BlendForm) { return {"screw_linear", "decoupled", "information_weighted"}; }
 
 enum class BlendWeight {
-  Confidence,  ///< w = 1 - c_dir (1 - w_diff): the direct pose counts as far as it can be trusted
+  Confidence,  ///< S_final and c_dir for InformationWeighted, else w = 1 - c_dir (1 - w_diff): as far as each can be trusted
   Printed,     ///< w = w_diff, as the paper prints: a failed direct pose counts like a good one, and poses that are far
                ///< apart are averaged
 };
@@ -94,9 +94,7 @@ namespace detail {
     }
   }
   const Twist step = solve_symmetric(A, right);
-  if (!all_finite(step)) {
-    return sclerp(T_direct, T_feature, fallback);
-  }
+  if (!all_finite(step)) return sclerp(T_direct, T_feature, fallback);
   if (share != nullptr && translation_norm(xi) > 0) {
     *share = std::clamp(translation_norm(step) / translation_norm(xi), 1e-12, 1 - 1e-12);
   }
@@ -180,11 +178,8 @@ namespace detail {
   Blended<Pose> b;
   b.w_diff = difference_weight(e.S_change, o.mu);
   const bool joined = o.form == BlendForm::InformationWeighted;
-  if (joined) {
-    b.w_eff = 1 - clamp01(e.c_dir);
-  } else {
-    b.w_eff = o.weight == BlendWeight::Printed ? b.w_diff : effective_weight(b.w_diff, e.c_dir);
-  }
+  const bool printed = o.weight == BlendWeight::Printed;
+  b.w_eff = printed ? b.w_diff : (joined ? 1 - clamp01(e.c_dir) : effective_weight(b.w_diff, e.c_dir));
   if (o.transition > 0) {
     const double g = clamp01(e.below_threshold / o.transition);
     b.w_eff = 1 - g * g * (3 - 2 * g) * (1 - b.w_eff);
@@ -192,17 +187,16 @@ namespace detail {
   b.T_world_camera = T_feature;
   if (b.w_eff >= 1) return b;
   const Twist xi = se3_log(compose(inverse(T_direct), T_feature));
-  b.gated = o.weight != BlendWeight::Printed &&
-            (translation_norm(xi) > kBlendGateTranslation || rotation_norm(xi) > kBlendGateRotation);
+  b.gated = !printed && (translation_norm(xi) > kBlendGateTranslation || rotation_norm(xi) > kBlendGateRotation);
   if (b.gated) {
     const bool direct = e.c_dir > 0.5 && motion_distance(T_direct, T_predicted) < motion_distance(T_feature, T_predicted);
     b.w_eff = direct ? 0.0 : 1.0;
     b.T_world_camera = direct ? T_direct : T_feature;
   } else if (joined) {
-    const double c_dir = 1 - b.w_eff;  // with the transition, if there is one
-    const Matrix6 F = scaled_information(clamp01(e.S_final), feature_information(e.feature_information));
-    b.T_world_camera =
-        join_by_information(T_feature, T_direct, F, scaled_information(c_dir, e.direct_information), b.w_eff, &b.w_eff);
+    const double trust = printed ? b.w_diff : clamp01(e.S_final);
+    const Matrix6 F = scaled_information(trust, feature_information(e.feature_information));
+    const Matrix6 D = scaled_information(1 - b.w_eff, e.direct_information);
+    b.T_world_camera = join_by_information(T_feature, T_direct, F, D, b.w_eff, &b.w_eff);
   } else if (!(b.w_eff > 0)) {
     b.T_world_camera = T_direct;
   } else {
