@@ -38,6 +38,27 @@ TEST_CASE("identical frames do not move") {
   CHECK(direct_confidence(r, 0, 1.1) == 0);
 }
 
+TEST_CASE("from a pose that is near, nothing else need be tried; from one that is not, only the search comes back") {
+  const Pose truth = room::pose(.25, .02, .05, 0, 14, 0);
+  Pair p;
+  p.options.finest = 0;
+  p.options.levels = 4;
+  p.set(room::render(p.camera, Pose::Identity(), {}, 1), room::render(p.camera, truth, {}, 2));
+  AlignmentOptions options;
+  options.multi_start_threshold = 0;  // searches always
+  DirectAligner aligner(options);
+  const std::vector<AlignmentReference> references{{&p.reference, Pose::Identity(), 1}};
+  const auto error = [&](const AlignmentResult& r) {
+    return succeeded(r.status) ? room::translation_error(r.T_world_camera, truth) : 1.0;
+  };
+  const Pose near = compose(truth, room::pose(.01, -.005, .005, .3, -.4, .2));
+  CHECK(error(aligner.align_near(references, p.current, near)) < .003);
+  CHECK(error(aligner.align(references, p.current, {near})) < .003);
+  const Pose far = Pose::Identity();
+  CHECK(error(aligner.align_near(references, p.current, far)) > .05);
+  CHECK(error(aligner.align(references, p.current, {far})) < .003);
+}
+
 TEST_CASE("frames of different places are refused") {
   Pair p;
   p.set(room::render(p.camera, Pose::Identity()), room::render(p.camera, room::pose(0, 0, 0, 0, 180, 0)));

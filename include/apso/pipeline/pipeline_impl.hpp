@@ -130,6 +130,7 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     input.flow = flow_;
     input.T_world_feature = T_world_feature_;
     input.feature_ok = feature_ok_;
+    input.feature_trusted = !bad;
     input.T_world_predicted = T_world_predicted_;
     input.T_world_previous = has_previous_ ? T_world_previous_ : T_world_predicted_;
     const MaybeDeviation& change = report_.assessment.S_change;

@@ -41,6 +41,7 @@ struct RefinementInput {
   bool highly_dynamic = false;     ///< so much moves that no pose can be trusted without a mask
   PoseT T_world_feature = from_pose<PoseT>(identity_pose());
   bool feature_ok = true;          ///< false: the feature tracker is lost, its pose is not used
+  bool feature_trusted = false;    ///< the frame is GOOD: its feature pose is near the truth, and no other start is tried
   PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< by constant velocity
   PoseT T_world_previous = from_pose<PoseT>(identity_pose());   ///< emitted for the previous frame
   double S_change = 0;             ///< change score (a deviation), [0,1]
@@ -96,8 +97,8 @@ class BasicRefiner {
     } else {
       const Refinement r = refine_pose(
           {in.frame, in.dynamic_probability, in.flow, in.mask_informative, in.highly_dynamic, to_pose(in.T_world_feature),
-           in.feature_ok, to_pose(in.T_world_predicted), to_pose(in.T_world_previous), in.S_change, in.S_final, in.feature_information,
-           in.below_threshold},
+           in.feature_ok, in.feature_trusted, to_pose(in.T_world_predicted), to_pose(in.T_world_previous), in.S_change, in.S_final,
+           in.feature_information, in.below_threshold},
           executor);
       const bool unchanged = in.feature_ok && !(r.w_eff < 1);
       return {r.status, unchanged ? in.T_world_feature : from_pose<PoseT>(r.T_world_camera), from_pose<PoseT>(r.T_world_direct),
@@ -218,11 +219,7 @@ class BasicRefiner {
     pyramid_.build(in.frame, camera_, in.dynamic_probability, options_.pyramid,
                    options_.memory.previous ? PyramidRole::Both : PyramidRole::Current, executor);
     last_.seen = true;
-    candidates_.clear();
-    candidates_.push_back(T_guess);
-    if (is_finite(in.T_world_predicted)) candidates_.push_back(in.T_world_predicted);
-    if (is_finite(in.T_world_previous)) candidates_.push_back(in.T_world_previous);
-    r.alignment = aligner_.align(selection_.references, pyramid_, candidates_, executor);
+    r.alignment = align(in, T_guess, feature_ok && in.feature_trusted, executor);
     r.status = r.alignment.status;
     if (!succeeded(r.status)) return r;
     r.T_world_direct = r.alignment.T_world_camera;
@@ -250,6 +247,16 @@ class BasicRefiner {
     if (!is_finite(in.T_world_previous)) return T_predicted;
     const auto nearer = [&](const Pose& T) { return std::min(motion_distance(T, in.T_world_feature), motion_distance(T, T_direct)); };
     return nearer(in.T_world_previous) < nearer(T_predicted) ? in.T_world_previous : T_predicted;
+  }
+
+  template <class Executor>
+  AlignmentResult align(const Input& in, const Pose& T_guess, bool trusted, const Executor& executor) {
+    if (trusted) return aligner_.align_near(selection_.references, pyramid_, T_guess, executor);
+    candidates_.clear();
+    candidates_.push_back(T_guess);
+    if (is_finite(in.T_world_predicted)) candidates_.push_back(in.T_world_predicted);
+    if (is_finite(in.T_world_previous)) candidates_.push_back(in.T_world_previous);
+    return aligner_.align(selection_.references, pyramid_, candidates_, executor);
   }
 
   // References, and whether they may be used without knowing what moves.

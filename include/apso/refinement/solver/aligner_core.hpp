@@ -42,13 +42,14 @@ class AlignerCore {
     adaptive_ = adaptive;
   }
 
+  /// \param near the first candidate is known to be near the truth: no other start is tried
   [[nodiscard]] AlignmentResult align(const std::vector<AlignmentReference>& references, const FramePyramid& current,
-                                      const std::vector<Pose>& candidates, const ExecutorRef& executor) {
+                                      const std::vector<Pose>& candidates, bool near, const ExecutorRef& executor) {
     AlignmentResult result;
     if (!begin(references, current, candidates, result)) return result;
     const Pose T_guess = inverse(result.T_world_camera);
     solver_ = LevelSolver{};
-    solver_.T = choose_start(candidates, result, executor);
+    solver_.T = near ? T_guess : choose_start(candidates, result, executor);
     Origin origin{T_guess, solver_.T, kDegenerateRatio};
 
     const int middle = level_narrower_than(100);
@@ -59,7 +60,7 @@ class AlignerCore {
       if (!succeeded(s) && level == 0) return fail(result, s);  // a coarse level may be too small; finer ones have more
       // with a mask a wrong pose may show at the next level only
       const bool look = level == middle || (level == middle - 1 && cost_.current().masked());
-      if (look && !searched && level > 0 && doubtful(level, solver_.T, executor)) {
+      if (look && !near && !searched && level > 0 && doubtful(level, solver_.T, executor)) {
         solver_.T = try_other_starts(middle - 1, origin, executor);
         searched = true;
       }
