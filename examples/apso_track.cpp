@@ -269,9 +269,9 @@ void Run::write() {
   json summary = track::summarise(record_, total_, truth);
   summary["sequence"] = a_.sequence;
   summary["motion"] = a_.motion;
-  summary["refine"] = apso::enum_names(options_.pipeline.refine)[static_cast<std::size_t>(options_.pipeline.refine)];
   summary["holds_masks"] = holds_masks_;
   summary["options"] = track::yaml_to_json(apso::write_parameters(options_));
+  summary["refine"] = summary["options"]["pipeline"]["refine"];
   const bool evaluated = summary.contains("final") && summary["final"].is_object();
 
   track::plot_trajectory((out_ / "trajectory.png").string(), evaluated ? track::aligned_truth(truth, record_.final_poses) : apso::Trajectory{},

@@ -85,7 +85,7 @@ void run(const std::string& folder, const std::string& camera_text, const std::s
     const auto pose = tracker.estimate(seen.mask.probability);
     // 2. Can the frame be trusted?
     pipeline.assess(tracker.keypoints(), tracker.tracks(), {pose.T_world_camera, pose.T_world_predicted, pose.ok, pose.information});
-    // 3. If not, the images themselves are aligned with trusted frames, and the two poses are blended.
+    // 3. The images themselves are aligned with trusted frames, and both poses are joined as far as each is trusted.
     const apso::FrameReport& report = pipeline.conclude();
     // The map learns only from frames that can be trusted.
     tracker.commit(report.T_world_camera, seen.mask.probability, report.keyframe_allowed);

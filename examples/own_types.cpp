@@ -81,11 +81,11 @@ int main() {
     pipeline.observe(apso::frame(frame.timestamp, frame.intensity, apso::scaled(depth, 0.001F), sequence.camera()), tracked);
     pipeline.assess(corners, apso::none, {tracked, tracked, true});
     const auto& report = pipeline.conclude();
-    const TrackerPose& repaired = report.T_world_camera;  // your type again
+    const TrackerPose& refined = report.T_world_camera;  // your type again
     // [/pipeline]
     const Eigen::Vector3d truth = apso::inverse(frame.T_world_camera).translation();
-    error = (repaired.p_camera_world - truth).norm();
-    if (i == 40) std::printf("frame %d is %s, %s\n", i, apso::to_string(report.state), report.refined ? "repaired" : "not repaired");
+    error = (refined.p_camera_world - truth).norm();
+    if (i == 40) std::printf("frame %d is %s, %s\n", i, apso::to_string(report.state), report.refined ? "refined" : "not refined");
   }
   std::printf("error %.4f m instead of 0.05 m\n", error);
   return error < 0.02 ? 0 : 1;

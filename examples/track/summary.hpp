@@ -2,6 +2,7 @@
 /// summary.json of a run of apso_track: counts, errors against ground truth, times, settings.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -29,20 +30,20 @@ struct Record {
   int softened = 0;                        ///< frames in which dynamic features counted a little
   std::string failure;                     ///< why the run ended early; empty: it did not
   [[nodiscard]] int refined() const {
-    int n = 0;
-    for (const apso::FrameReport& r : reports) n += r.refined ? 1 : 0;
-    return n;
+    return count([](const apso::FrameReport& r) { return r.refined; });
   }
   /// BAD frames with a trusted direct pose.
   [[nodiscard]] int repaired() const {
-    int n = 0;
-    for (const apso::FrameReport& r : reports) n += r.refined && r.state == apso::SceneState::Bad ? 1 : 0;
-    return n;
+    return count([](const apso::FrameReport& r) { return r.refined && r.state == apso::SceneState::Bad; });
   }
   [[nodiscard]] int in_state(apso::SceneState state) const {
-    int n = 0;
-    for (const apso::FrameReport& r : reports) n += r.state == state ? 1 : 0;
-    return n;
+    return count([state](const apso::FrameReport& r) { return r.state == state; });
+  }
+
+ private:
+  template <class F>
+  [[nodiscard]] int count(F&& is) const {
+    return static_cast<int>(std::count_if(reports.begin(), reports.end(), is));
   }
 };
 

@@ -192,6 +192,9 @@ TEST_CASE("the frame before is one more reference while it is recent, and follow
   CHECK(s.references[1].T_world_reference.translation().x() == .02);
   CHECK(s.references[1].weight == doctest::Approx(kPreviousWeight * std::exp(-.05)));
   CHECK(s.references[1].pyramid->timestamp() == 1.1);
+  CHECK(s.ids[0] == stored);
+  CHECK(s.ids[1] == -1);  // it is not stored: no pose of it can be corrected
+  CHECK_FALSE(memory.correct(s.ids[1], Pose::Identity()));
   CHECK_FALSE(previous(1.7));  // too long ago
   CHECK_FALSE(previous(1.1));  // the frame itself
   Pose turned = room::pose(0, 0, 0, 0, 0, 90);

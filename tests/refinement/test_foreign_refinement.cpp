@@ -187,15 +187,25 @@ TEST_CASE_TEMPLATE("memory and refiner take any images and poses, and give the p
   other.T_world_feature = from_pose<PoseT>(in.T_world_feature);
   other.T_world_predicted = other.T_world_previous = from_pose<PoseT>(in.T_world_predicted);
   other.S_change = 1;
-  const Refinement a = own.refine(in);
-  const BasicRefinement<PoseT> b = theirs.refine(other);
-  REQUIRE(succeeded(a.status));
-  CHECK(a.refined);
-  CHECK(b.status == a.status);
-  CHECK(b.references == a.references);
-  CHECK(b.c_dir == doctest::Approx(a.c_dir).epsilon(1e-6));
-  CHECK(distance(b.T_world_camera, a.T_world_camera) < 10 * kRounding<PoseT>);
-  CHECK(room::translation_error(to_pose(b.T_world_camera), truth) < .01);
+  for (const bool trusted : {false, true}) {
+    in.feature_trusted = other.feature_trusted = trusted;
+    if (trusted) {  // what the tracker and the assessor say of the pose
+      in.S_final = other.S_final = .6;
+      in.feature_information.diagonal() << 1e4, 2e4, 3e4, 4e4, 5e4, 6e4;
+      other.feature_information = in.feature_information;
+    }
+    const Refinement a = own.refine(in);
+    const BasicRefinement<PoseT> b = theirs.refine(other);
+    REQUIRE(succeeded(a.status));
+    CHECK(a.refined);
+    CHECK(b.status == a.status);
+    CHECK(b.references == a.references);
+    CHECK(b.alignment.start_candidate == a.alignment.start_candidate);
+    CHECK(b.c_dir == doctest::Approx(a.c_dir).epsilon(1e-6));
+    CHECK(b.w_eff == doctest::Approx(a.w_eff).epsilon(1e-3));
+    CHECK(distance(b.T_world_camera, a.T_world_camera) < 10 * kRounding<PoseT>);
+    CHECK(room::translation_error(to_pose(b.T_world_camera), truth) < .01);
+  }
   // without a confident direct pose the feature pose comes back untouched
   other.highly_dynamic = true;
   Refiner fresh(kCamera);

@@ -51,7 +51,7 @@ class BasicDirectAligner {
                                       const std::vector<Pose>& T_world_camera_candidates,
                                       const ExecutorRef& executor = SerialExecutor{}) {
     prepare();
-    return core_.align(references, current, T_world_camera_candidates, false, executor);
+    return core_.align(references, current, T_world_camera_candidates, executor);
   }
 
   /// Descends from a pose that is known to be within some pixels of the truth, such as that of a tracker that is not lost. No
@@ -59,8 +59,7 @@ class BasicDirectAligner {
   [[nodiscard]] AlignmentResult align_near(const std::vector<AlignmentReference>& references, const FramePyramid& current,
                                            const Pose& T_world_camera, const ExecutorRef& executor = SerialExecutor{}) {
     prepare();
-    one_.assign(1, T_world_camera);
-    return core_.align(references, current, one_, true, executor);
+    return core_.align_near(references, current, T_world_camera, executor);
   }
 
   /// Scales and counts of the residuals at a given pose, without optimising: how well the pose explains the frames.
@@ -87,7 +86,6 @@ class BasicDirectAligner {
   }
 
   AlignerCore core_;
-  std::vector<Pose> one_;
   Kernel kernel_;
   Noise noise_;
 };

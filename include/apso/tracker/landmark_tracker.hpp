@@ -304,7 +304,7 @@ class BasicLandmarkTracker {
   bool from_tracks_ = false;
   bool relocalised_ = false;
   int track_inliers_ = 0;
-  bool lost_ = false;  // nothing was known of the frame before
+  bool lost_ = false;  // neither features nor a sure pose told where the frame before was
   int misses_ = 0;  // frames in a row without a pose from the map
 };
 

@@ -98,7 +98,7 @@ class ReferenceMemory {
   };
   struct Selection {
     std::vector<AlignmentReference> references;  ///< nearest first
-    std::vector<std::int64_t> ids;               ///< of the same
+    std::vector<std::int64_t> ids;               ///< of the same; -1 = the frame before, which is not stored
     double distance = std::numeric_limits<double>::infinity();  ///< of the nearest
     bool far_reference = false;                  ///< none was near enough, the nearest is used all the same
     bool masked = false;                         ///< a mask of some reference carries information
@@ -118,7 +118,7 @@ class ReferenceMemory {
   [[nodiscard]] const Entry& entry(int i) const { return entries_[static_cast<std::size_t>(i)]; }
   void clear() {
     entries_.clear();
-    previous_.id = -1;
+    has_previous_ = false;
     latest_ = -1;
   }
 
@@ -133,7 +133,7 @@ class ReferenceMemory {
 
   /// Keeps a frame until the next one comes, beside the stored ones: add_previous() makes it a reference.
   void keep_previous(const FramePyramid& reference, const AnyPose& T_world_camera) {
-    previous_.id = 0;
+    has_previous_ = true;
     previous_.timestamp = reference.timestamp();
     previous_.T_world_reference = T_world_camera;
     previous_.pyramid.assign_reference(reference);
@@ -141,7 +141,7 @@ class ReferenceMemory {
   /// Adds the frame kept last to a selection, if it is recent and not one of the selected.
   void add_previous(double timestamp, Selection& out) const {
     const double age = timestamp - previous_.timestamp;
-    if (previous_.id < 0 || !(age > 0) || age > kPreviousAge) return;
+    if (!has_previous_ || !(age > 0) || age > kPreviousAge) return;
     for (std::int64_t id : out.ids) {
       for (const Entry& e : entries_) {
         if (e.id == id && !(e.timestamp < previous_.timestamp)) return;  // the same frame, stored
@@ -177,7 +177,7 @@ class ReferenceMemory {
   bool correct(std::int64_t id, const AnyPose& T_world_reference) {
     for (Entry& e : entries_) {
       if (e.id != id) continue;
-      if (previous_.id >= 0 && !(previous_.timestamp < e.timestamp)) {
+      if (has_previous_ && !(previous_.timestamp < e.timestamp)) {
         const Pose T_reference_previous = compose(inverse(e.T_world_reference), previous_.T_world_reference);
         previous_.T_world_reference = compose(T_world_reference, T_reference_previous);
       }
@@ -260,7 +260,8 @@ class ReferenceMemory {
 
   MemoryOptions options_;
   std::vector<Entry> entries_;
-  Entry previous_;
+  Entry previous_;  // not stored, hence without an id
+  bool has_previous_ = false;
   std::vector<Candidate> order_;
   std::int64_t next_id_ = 0;
   int latest_ = -1;

@@ -42,32 +42,14 @@ class AlignerCore {
     adaptive_ = adaptive;
   }
 
-  /// \param near the first candidate is known to be near the truth: no other start is tried
   [[nodiscard]] AlignmentResult align(const std::vector<AlignmentReference>& references, const FramePyramid& current,
-                                      const std::vector<Pose>& candidates, bool near, const ExecutorRef& executor) {
-    AlignmentResult result;
-    if (!begin(references, current, candidates, result)) return result;
-    const Pose T_guess = inverse(result.T_world_camera);
-    solver_ = LevelSolver{};
-    solver_.T = near ? T_guess : choose_start(candidates, result, executor);
-    Origin origin{T_guess, solver_.T, kDegenerateRatio};
-
-    const int middle = level_narrower_than(100);
-    bool searched = false;
-    for (int level = cost_.levels() - 1; level >= 0; --level) {
-      const Status s = solver_.solve(cost_, level, origin.ratio, executor);
-      result.iterations = solver_.iterations;
-      if (!succeeded(s) && level == 0) return fail(result, s);  // a coarse level may be too small; finer ones have more
-      // with a mask a wrong pose may show at the next level only
-      const bool look = level == middle || (level == middle - 1 && cost_.current().masked());
-      if (look && !near && !searched && level > 0 && doubtful(level, solver_.T, executor)) {
-        solver_.T = try_other_starts(middle - 1, origin, executor);
-        searched = true;
-      }
-    }
-    result.iterations = solver_.iterations;
-    finish(T_guess, origin, result, executor);
-    return result;
+                                      const std::vector<Pose>& candidates, const ExecutorRef& executor) {
+    return descend(references, current, candidates, false, executor);
+  }
+  [[nodiscard]] AlignmentResult align_near(const std::vector<AlignmentReference>& references, const FramePyramid& current,
+                                           const Pose& T_world_camera, const ExecutorRef& executor) {
+    one_.assign(1, T_world_camera);
+    return descend(references, current, one_, true, executor);
   }
 
   [[nodiscard]] AlignmentResult evaluate(const std::vector<AlignmentReference>& references, const FramePyramid& current,
@@ -96,6 +78,34 @@ class AlignerCore {
   static constexpr double kCorrelated = 0.9;     // correlation of the intensities of right poses
   static constexpr double kUncorrelated = 0.3;   // intensities of both images that agree less are NoOverlap
   static constexpr int kPrealignIterations = 15;
+
+  // Near: the only candidate is known to be near the truth, and no other start is tried.
+  AlignmentResult descend(const std::vector<AlignmentReference>& references, const FramePyramid& current,
+                          const std::vector<Pose>& candidates, bool near, const ExecutorRef& executor) {
+    AlignmentResult result;
+    if (!begin(references, current, candidates, result)) return result;
+    const Pose T_guess = inverse(result.T_world_camera);
+    solver_ = LevelSolver{};
+    solver_.T = near ? T_guess : choose_start(candidates, result, executor);
+    Origin origin{T_guess, solver_.T, kDegenerateRatio};
+
+    const int middle = level_narrower_than(100);
+    bool searched = false;
+    for (int level = cost_.levels() - 1; level >= 0; --level) {
+      const Status s = solver_.solve(cost_, level, origin.ratio, executor);
+      result.iterations = solver_.iterations;
+      if (!succeeded(s) && level == 0) return fail(result, s);  // a coarse level may be too small; finer ones have more
+      // with a mask a wrong pose may show at the next level only
+      const bool look = level == middle || (level == middle - 1 && cost_.current().masked());
+      if (look && !near && !searched && level > 0 && doubtful(level, solver_.T, executor)) {
+        solver_.T = try_other_starts(middle - 1, origin, executor);
+        searched = true;
+      }
+    }
+    result.iterations = solver_.iterations;
+    finish(T_guess, origin, result, executor);
+    return result;
+  }
 
   static AlignmentResult& fail(AlignmentResult& r, Status s) {
     r.status = s;
