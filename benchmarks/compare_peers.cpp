@@ -12,19 +12,17 @@
 #include <functional>
 #include <limits>
 #include <map>
-#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 
-#include <apso/evaluation/trajectory.hpp>
-#include <apso/io/tum_text.hpp>
-#include <apso/opencv/rgbd_sequence.hpp>
+#include <apso/opencv/cameras.hpp>
 #include <apso/refinement/align.hpp>
 
 #include "alignment_method.hpp"
+#include "recording_pairs.hpp"
 
 namespace {
 using pairs::Conditions;
@@ -44,7 +42,7 @@ class Apso : public Method {
     references_.assign(1, {&reference_, apso::Pose::Identity(), 1.0});
     candidates_.assign(1, apso::inverse(guess));
     last = aligner_.align(references_, current_, candidates_);
-    confidence = apso::direct_confidence(last, 0.65, 1.1);
+    confidence = apso::direct_confidence(last).c_dir;
     return {apso::succeeded(last.status) && confidence > 0.5, apso::inverse(last.T_world_camera)};
   }
   // One look at all pixels of the finest level: scales, warp, weights, sums.
@@ -465,26 +463,9 @@ void print_moving_shares(Methods& methods, Methods& masked, const pairs::PairMak
   std::fflush(stdout);
 }
 
-// The true pose at a time, between two poses no more than 0.1 s apart: positions along a straight line, directions by slerp.
-std::optional<apso::Pose> true_pose(const apso::Trajectory& truth, double t) {
-  const auto after = std::lower_bound(truth.begin(), truth.end(), t,
-                                      [](const apso::StampedPose& p, double stamp) { return p.timestamp < stamp; });
-  if (after == truth.end()) return std::nullopt;
-  if (after->timestamp == t) return after->T_world_body;
-  if (after == truth.begin()) return std::nullopt;
-  const apso::StampedPose& before = *(after - 1);
-  const double gap = after->timestamp - before.timestamp;
-  if (!(gap <= 0.1)) return std::nullopt;
-  const double s = (t - before.timestamp) / gap;
-  const Eigen::Quaterniond q = apso::slerp(apso::quaternion(before.T_world_body), apso::quaternion(after->T_world_body), s);
-  return apso::make_pose(apso::rotation(apso::unit(q)),
-                         (1.0 - s) * before.T_world_body.translation() + s * after->T_world_body.translation());
-}
-
 void score_recording(Methods& methods, const std::string& folder, const apso::opencv::CameraModel& camera,
                      const std::string& truth_file, const std::vector<int>& steps, int count) {
-  const apso::opencv::RgbdSequence sequence(folder, camera);
-  const apso::Trajectory truth = apso::read_trajectory(truth_file);
+  const pairs::RecordingPairs source(folder, camera, truth_file);
   for (auto& m : methods) m->camera(camera.pinhole);
   std::printf("\n### %s, median error of all pairs [mm / deg]\n\n| method |", folder.c_str());
   for (const int s : steps) std::printf(" %d frames apart |", s);
@@ -493,28 +474,9 @@ void score_recording(Methods& methods, const std::string& folder, const apso::op
   std::printf("\n");
   std::vector<std::vector<Score>> scores(methods.size(), std::vector<Score>(steps.size()));
   for (std::size_t k = 0; k < steps.size(); ++k) {
-    const int most = sequence.size() - steps[k];
-    for (int n = 0; n < std::min(count, most); ++n) {
-      const int i = count < most ? n * (most - 1) / std::max(1, count - 1) : n;
-      const apso::opencv::SequenceFrame a = sequence.frame(i);
-      const apso::opencv::SequenceFrame b = sequence.frame(i + steps[k]);
-      const std::optional<apso::Pose> Ta = true_pose(truth, a.timestamp);
-      const std::optional<apso::Pose> Tb = true_pose(truth, b.timestamp);
-      if (!a.ok() || !b.ok() || !Ta || !Tb) continue;
-      Pair p;
-      p.T_current_reference = apso::inverse(*Tb) * *Ta;
-      p.step = steps[k];
-      const auto take = [](const apso::opencv::SequenceFrame& f, pairs::Image8& out) {
-        out.intensity = f.intensity;
-        out.depth = f.depth;
-        out.grey.resize(f.gray.cols, f.gray.rows);
-        out.probability.assign(f.gray.cols, f.gray.rows, 0.0F);
-        for (int y = 0; y < f.gray.rows; ++y) std::copy(f.gray[y], f.gray[y] + f.gray.cols, out.grey.row(y));
-      };
-      take(a, p.reference);
-      take(b, p.current);
+    source.each(steps[k], count, [&](const Pair& p) {
       for (std::size_t m = 0; m < methods.size(); ++m) score(*methods[m], p, scores[m][k]);
-    }
+    });
   }
   for (std::size_t m = 0; m < methods.size(); ++m) {
     std::printf("| %s |", methods[m]->name().c_str());

@@ -34,7 +34,6 @@ inline std::vector<Variant> fixed_variants() {
       {"no_previous", "no alignment to the frame before", {{refiner("memory.previous"), "false"}}, ""},
       {"screw_blend", "blend along the screw, one weight for all directions", {{refiner("blend.form"), "screw_linear"}}, ""},
       {"one_reference", "alignment to one reference", {{refiner("memory.references"), "1"}}, ""},
-      {"both_scales", "brightness residuals count in c_dir as well", {{refiner("confidence.intensity_share"), "0.5"}}, ""},
       {"sum_distance", "distance to a reference as a sum, as printed", {{refiner("memory.form"), "sum"}}, ""},
       {"flow_grid_memory", "motion of a frame from its optical flow, as printed", {{refiner("memory.motion"), "flow_grid"}}, ""},
       {"printed_decay", "decay of references with the printed sign", {{refiner("memory.decay_form"), "printed"}}, ""},

@@ -247,54 +247,53 @@ TEST_CASE("nothing to see is never a success") {
   CHECK_THROWS_AS((void)align(good.intensity, small, good.intensity, good.depth, kCamera), contract_error);
 }
 
-TEST_CASE("iterations that ran out, directions that are open and images that disagree lower the confidence") {
+TEST_CASE("iterations that ran out, directions that are open, images that disagree and a vague pose lower the confidence") {
   AlignmentResult r;
   r.status = Status::Converged;
-  r.valid_share = 1;
+  r.median_depth = 2;
   r.correlation = 1;
-  r.scale_intensity = .65;
-  r.scale_depth = 1.1;
-  CHECK(direct_confidence(r, .65, 1.1) == doctest::Approx(1));
+  r.covariance.diagonal().setConstant(1e-12);
+  CHECK(direct_confidence(r).c_dir == doctest::Approx(1));
   AlignmentResult worse = r;
   worse.status = Status::MaxIterations;
-  CHECK(direct_confidence(worse, .65, 1.1) <= .5);
+  CHECK(direct_confidence(worse).c_dir <= .5);
   worse = r;
   worse.status = Status::Degenerate;
-  worse.degenerate_count = 2;
-  CHECK(direct_confidence(worse, .65, 1.1) < .5);
+  worse.degenerate_count = 1;  // the rest may be joined, but the pose as a whole is not known
+  CHECK(direct_confidence(worse).c_dir == 0);
+  CHECK(direct_confidence(worse).determined == direct_confidence(r).c_dir);
   worse = r;
-  worse.correlation = .6;
-  CHECK(direct_confidence(worse, .65, 1.1) == 0);
+  worse.correlation = .4;
+  CHECK(direct_confidence(worse).c_dir == 0);
   worse = r;
-  worse.valid_share = .4;
-  CHECK(direct_confidence(worse, .65, 1.1) < direct_confidence(r, .65, 1.1));
-  worse = r;
-  worse.scale_depth = 3;
-  CHECK(direct_confidence(worse, .65, 1.1) < direct_confidence(r, .65, 1.1));
-  worse = r;
-  worse.covariance.diagonal().head<3>().setConstant(0.03 * 0.03);
-  CHECK(direct_confidence(worse, .65, 1.1) == 0);
-}
-
-TEST_CASE("brightness that blur and darkness change does not lower the confidence, unless it is asked to") {
-  AlignmentResult r;
-  r.status = Status::Converged;
-  r.valid_share = r.correlation = 1;
-  r.scale_intensity = .65;
-  r.scale_depth = 1.1;
-  AlignmentResult dark = r;
-  dark.scale_intensity = 6.5;
-  CHECK(direct_confidence(dark, .65, 1.1) == direct_confidence(r, .65, 1.1));
-  DirectConfidenceOptions both;
-  both.intensity_share = 0.5;
-  CHECK(direct_confidence(dark, .65, 1.1, both) == 0);
-  double last = 1;  // falls with each cue
-  for (const double sigma : {.008, .011, .013, .017, .019}) {
-    AlignmentResult vague = r;
-    vague.covariance.diagonal().head<3>().setConstant(sigma * sigma / 3);
-    const double c = direct_confidence(vague, .65, 1.1);
-    CHECK(c <= last);
-    CHECK((sigma < .01) == (c == doctest::Approx(1)));
+  worse.status = Status::NoOverlap;
+  CHECK(direct_confidence(worse).determined == 0);
+  double last = 1;  // a direction that is vague is enough, and it is the worst that counts
+  for (const double sigma : {.001, .003, .01, .03}) {
+    worse = r;
+    worse.covariance(1, 1) = sigma * sigma;
+    const double c = direct_confidence(worse).c_dir;
+    CHECK(c < last);
+    worse.covariance(2, 2) = sigma * sigma / 2;
+    CHECK(direct_confidence(worse).c_dir == doctest::Approx(c));
     last = c;
   }
+  CHECK(last < .1);
+  // one millimetre at one metre is as vague as two at two
+  AlignmentResult near = r, far = r;
+  near.median_depth = 1;
+  near.covariance(0, 0) = 1e-6;
+  far.covariance(0, 0) = 4e-6;
+  CHECK(direct_confidence(near).c_dir == doctest::Approx(direct_confidence(far).c_dir));
+}
+
+TEST_CASE("the size of the residuals does not lower the confidence: blur and darkness raise it tenfold where the pose is right") {
+  AlignmentResult r;
+  r.status = Status::Converged;
+  r.median_depth = 2;
+  r.correlation = 1;
+  r.covariance.diagonal().setConstant(1e-8);
+  AlignmentResult dark = r;
+  dark.scale_intensity = dark.scale_depth = 6.5;
+  CHECK(direct_confidence(dark).c_dir == direct_confidence(r).c_dir);
 }

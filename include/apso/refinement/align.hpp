@@ -79,7 +79,7 @@ PairAlignment<Pose> align_pair(const AnyFrame& reference_frame, const AnyFrame& 
   out.detail = aligner.align({{&reference, identity_pose(), 1.0}}, current, {inverse(T_guess)}, executor);
   out.status = out.detail.status;
   out.T_current_reference = succeeded(out.status) ? inverse(out.detail.T_world_camera) : T_guess;
-  out.confidence = direct_confidence(out.detail, kTypicalScaleIntensity, kTypicalScaleDepth);
+  out.confidence = direct_confidence(out.detail).c_dir;
   if (options.backward) {
     check_backward(aligner.align({{&current, identity_pose(), 1.0}}, reference, {T_guess}, executor), out);
   }

@@ -127,16 +127,11 @@ class BasicRefiner {
     }
     gate_.learn(frame.timestamp, T);
     const bool store = memory_.wants(frame.timestamp, T);
-    const bool measure = memory_.size() > 0 && good_frames_ % kScaleEvery == 0;
-    const bool keep = store || options_.memory.previous;
-    ++good_frames_;
-    if (!keep && !measure) return;
-    if (!last_.seen || (keep && !options_.memory.previous)) {
-      pyramid_.build(frame, camera_, dynamic_probability, options_.pyramid,
-                     keep ? (measure ? PyramidRole::Both : PyramidRole::Reference) : PyramidRole::Current, executor);
+    if (!store && !options_.memory.previous) return;
+    if (!last_.seen || !options_.memory.previous) {
+      pyramid_.build(frame, camera_, dynamic_probability, options_.pyramid, PyramidRole::Reference, executor);
       descriptor_ = {describe_(frame.depth(), dynamic_probability, options_.pyramid.depth), flow};
     }
-    if (measure) measure_scales(frame.timestamp, T, executor);
     if (store) memory_.insert(pyramid_, descriptor_, T);
     if (options_.memory.previous) memory_.keep_previous(pyramid_, T);
   }
@@ -144,22 +139,20 @@ class BasicRefiner {
   /// Forgets everything, as at construction.
   void reset() {
     memory_.clear();
-    for (RunningMedian* m : {&scale_intensity_, &scale_depth_, &entropy_}) m->clear();
+    entropy_.clear();
     gate_.reset();
     last_ = {};
-    good_frames_ = 0;
   }
 
   [[nodiscard]] const RefinerOptions& options() const { return options_; }
   [[nodiscard]] const ReferenceMemory& memory() const { return memory_; }
   [[nodiscard]] ReferenceMemory& memory() { return memory_; }
-  /// Robust scales on good frames, in units of the noise model.
-  [[nodiscard]] double typical_scale_intensity() { return typical(scale_intensity_, kTypicalScaleIntensity); }
-  [[nodiscard]] double typical_scale_depth() { return typical(scale_depth_, kTypicalScaleDepth); }
 
  private:
-  static constexpr int kWindow = 60;      // samples of the running medians
-  static constexpr int kScaleEvery = 5;   // good frames between two measurements of the typical scales
+  static constexpr int kWindow = 60;      // samples of the running median
+  // What is believed of the information of an alignment when it is joined with a feature pose. Several references have the noise of
+  // the current frame in common, and a rolling shutter, a delay between colour and depth or a lens moves all tiles alike.
+  static constexpr double kDirectInformationShare = 0.3;
   static constexpr int kMinSamples = 3;   // until there are so many, the start value counts
 
   // The frame that was refined last.
@@ -175,7 +168,6 @@ class BasicRefiner {
     camera_.validate();
     validate(options_, "refiner");
   }
-  static double typical(RunningMedian& m, double start) { return m.size() >= kMinSamples ? m.median(start) : start; }
 
   // The frame refined last was no good one: nothing is learnt from it, but a direct pose that was believed is a place where
   // the camera has been.
@@ -184,18 +176,6 @@ class BasicRefiner {
     gate_.interrupt();
     if (last_.trusted) gate_.trust(last_.timestamp, last_.T_world_direct);
     last_.pending = false;
-  }
-
-  // Typical residual scales, from the frame in pyramid_ at its final pose.
-  template <class Executor>
-  void measure_scales(double timestamp, const Pose& T_world_camera, const Executor& executor) {
-    memory_.select(timestamp, T_world_camera, descriptor_, selection_);
-    if (selection_.references.empty() || selection_.far_reference) return;
-    selection_.references.resize(1);
-    const AlignmentResult e = aligner_.evaluate(selection_.references, pyramid_, T_world_camera, executor);
-    if (!succeeded(e.status)) return;
-    scale_intensity_.add(e.scale_intensity);
-    scale_depth_.add(e.scale_depth);
   }
 
   template <class Executor>
@@ -223,11 +203,12 @@ class BasicRefiner {
     r.status = r.alignment.status;
     if (!succeeded(r.status)) return r;
     r.T_world_direct = r.alignment.T_world_camera;
-    judge(in.frame.timestamp, r);
+    judge(in.frame.timestamp, feature_ok, r);
     if (feature_ok) {
       const Blended<Pose> b = blend(in.T_world_feature, r.T_world_direct, expected(in, T_predicted, r.T_world_direct),
-                                    {in.S_change, r.c_dir, in.S_final, r.alignment.information, in.feature_information,
-                                     in.below_threshold},
+                                    {in.S_change, r.c_dir, in.S_final,
+                                     detail::scaled_information(kDirectInformationShare, r.alignment.information),
+                                     in.feature_information, in.below_threshold},
                                     options_.blend);
       r.T_world_camera = b.T_world_camera;
       r.w_diff = b.w_diff;
@@ -276,11 +257,13 @@ class BasicRefiner {
     return !blind;
   }
 
-  // Whether the direct pose is believed, and how much.
-  void judge(double timestamp, Refinement& r) {
+  // Whether the direct pose is believed, and how much. Beside a feature pose it is asked for the directions that it knows only; alone,
+  // all have to be known.
+  void judge(double timestamp, bool feature_ok, Refinement& r) {
     r.too_fast = gate_.too_fast(timestamp, r.T_world_direct, options_.velocity_gate);
     if (!r.too_fast) {
-      r.c_dir = direct_confidence(r.alignment, typical_scale_intensity(), typical_scale_depth(), options_.confidence);
+      const DirectConfidence c = direct_confidence(r.alignment);
+      r.c_dir = feature_ok && options_.blend.form == BlendForm::InformationWeighted ? c.determined : c.c_dir;
       if (r.c_dir < options_.min_confidence || vague(r.alignment)) r.c_dir = 0;
     }
     r.refined = r.c_dir > 0 || (options_.blend.weight == BlendWeight::Printed && !r.too_fast);
@@ -305,8 +288,7 @@ class BasicRefiner {
   std::vector<Pose> candidates_;
   SpeedGate gate_;
   LastRefined last_;
-  RunningMedian scale_intensity_{kWindow}, scale_depth_{kWindow}, entropy_{kWindow};
-  int good_frames_ = 0;
+  RunningMedian entropy_{kWindow};
 };
 using Refiner = BasicRefiner<>;
 

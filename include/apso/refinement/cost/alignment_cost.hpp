@@ -125,6 +125,11 @@ class AlignmentCost {
   void sum(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor) {
     pass(T_camera_world, buffer, executor, 1, true);
   }
+  /// The matrix of the rows of both images, sum q a_reference a_current^T (solver/pose_information.hpp), at the accepted pose.
+  [[nodiscard]] Matrix6 shared_information(const Pose& T_camera_world, const ExecutorRef& executor) {
+    pass(T_camera_world, kTrial, executor, 1, true, true);
+    return normal_equations(T_camera_world, executor, kTrial).H;
+  }
   /// The same of every `step`-th tile, for costs alone.
   void sum_cost(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor, int step = 1) {
     pass(T_camera_world, buffer, executor, step, false);
@@ -151,13 +156,13 @@ class AlignmentCost {
     return weight > 0 ? cost / weight : std::numeric_limits<double>::infinity();
   }
   /// Of the accepted sums, for an increment of T_camera_world from the left.
-  [[nodiscard]] NormalEquations normal_equations(const Pose& T_camera_world, const ExecutorRef& executor) {
+  [[nodiscard]] NormalEquations normal_equations(const Pose& T_camera_world, const ExecutorRef& executor, Buffer buffer = kAccepted) {
     executor(static_cast<int>(parts_.size()), [&](int i) {
       CostPart& p = parts_[static_cast<std::size_t>(i)];
       const CostTerm& t = terms_[static_cast<std::size_t>(p.term)];
       PixelSums<double> sum{};
       for (auto k = static_cast<std::size_t>(p.begin); k < static_cast<std::size_t>(p.end); ++k) {
-        add(sum, t.sums[kAccepted][k], t.labels[k]);
+        add(sum, t.sums[buffer][k], t.labels[k]);
       }
       p.sum = sum;
     });
@@ -174,6 +179,30 @@ class AlignmentCost {
       all += n;
     }
     return all;
+  }
+
+  /// Covariance of the right side b of the normal equations, from how much it differs from tile to tile.
+  [[nodiscard]] Matrix6 scatter(const Pose& T_camera_world) const {
+    Matrix6 all = zeros<Matrix6>();
+    for (std::size_t k = 0; k < used_; ++k) {
+      const CostTerm& t = terms_[k];
+      NormalEquations n;
+      n.H = t.scatter(kAccepted);
+      all = plus(all, times(t.weight * t.weight, moved_to_left(n, compose(T_camera_world, t.T_world_reference)).H));
+    }
+    return all;
+  }
+  /// After shared_information: how many standard deviations the information about a direction is above what chance would give.
+  /// \param direction increment of T_camera_world from the left
+  [[nodiscard]] double significance(const Twist& direction, const Pose& T_camera_world) const {
+    double sum = 0;
+    double squares = 0;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const CostTerm& t = terms_[k];
+      const Twist d = times(adjoint_inverse(compose(T_camera_world, t.T_world_reference)), direction);
+      t.add_information_about(d, kTrial, sum, squares);
+    }
+    return squares > 0 ? sum / std::sqrt(squares) : 0.0;
   }
 
   /// Labels of the regions from the accepted sums.
@@ -280,11 +309,11 @@ class AlignmentCost {
   static constexpr double kAlphaFiner = 0.85;       // largest alpha at the level more of frames that are mostly masked, as in dense_alignment()
   static constexpr double kCoarseScaleFloor = 0.25; // smallest scale at coarse levels, in units of the noise model
 
-  [[nodiscard]] Warper warper(const CostTerm& t, const Pose& T_camera_world) const {
+  [[nodiscard]] Warper warper(const CostTerm& t, const Pose& T_camera_world, bool rows_of_current = false) const {
     WarpOptions options = options_.warp;
     options.esm = options.esm && level_ > 0;
     return Warper(current(level_), compose(T_camera_world, t.T_world_reference), t.light, options, gate_factor_,
-                  current_->background());
+                  current_->background(), rows_of_current);
   }
 
   // At the level that was entered, with the brightness as it is.
@@ -310,12 +339,13 @@ class AlignmentCost {
   }
 
   // Every `step`-th tile, and what became of the pixels.
-  void pass(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor, int step, bool equations) {
+  void pass(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor, int step, bool equations,
+            bool rows_of_current = false) {
     executor(static_cast<int>(parts_.size()), [&](int i) {
       CostPart& p = parts_[static_cast<std::size_t>(i)];
       CostTerm& t = terms_[static_cast<std::size_t>(p.term)];
       const PixelList& list = t.level->pixels;
-      TileSummer summer(warper(t, T_camera_world), noise_, kernel_, t.scales);
+      TileSummer summer(warper(t, T_camera_world, rows_of_current), noise_, kernel_, t.scales);
       for (int k = (p.begin + step - 1) / step * step; k < p.end; k += step) {
         const auto n = static_cast<std::size_t>(k);
         if (equations) summer(list, list.tiles[n], t.sums[buffer][n]);

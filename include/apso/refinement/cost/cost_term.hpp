@@ -82,6 +82,34 @@ struct CostTerm {
       moving += w * (1 - static_cast<double>(labels[i]));
     }
   }
+  /// Sum of b b^T over the tiles, b the right side that a tile adds, in the frame of the reference.
+  [[nodiscard]] Matrix6 scatter(int buffer) const {
+    Matrix6 sum = zeros<Matrix6>();
+    for (std::size_t i = 0; i < sums[buffer].size(); ++i) {
+      const TileSums& s = sums[buffer][i];
+      const float b[6] = {s.v[0], s.v[1], s.v[2], s.w[0], s.w[1], s.w[2]};
+      const double w = static_cast<double>(labels[i]) * static_cast<double>(labels[i]);
+      for (int r = 0; r < 6; ++r) {
+        for (int c = 0; c < 6; ++c) sum(r, c) += w * static_cast<double>(b[r]) * static_cast<double>(b[c]);
+      }
+    }
+    return sum;
+  }
+  /// Adds what the tiles tell about a direction, and the squares of that.
+  /// \param d twist in the frame of the reference
+  void add_information_about(const Twist& d, int buffer, double& sum, double& squares) const {
+    for (std::size_t i = 0; i < sums[buffer].size(); ++i) {
+      PixelSums<double> tile{};
+      add(tile, sums[buffer][i], static_cast<float>(weight) * labels[i]);
+      const Matrix6 H = tile.equations().H;
+      double s = 0;
+      for (int r = 0; r < 6; ++r) {
+        for (int c = 0; c < 6; ++c) s += d(r) * H(r, c) * d(c);
+      }
+      sum += s;
+      squares += s * s;
+    }
+  }
   /// Sums in which a tile counts by the surface that it shows, depth^2.
   struct OverSurface {
     double cost = 0;  ///< of what is seen

@@ -81,8 +81,9 @@ class Warper {
  public:
   /// \param gate_factor factor of the occlusion gate at this level, kGateGrowth^(levels above the finest)
   /// \param background weight of the pixels of `current` when it has no plane of weights
+  /// \param rows_of_current give the rows of the Jacobian by the gradients of the current image alone
   Warper(const PyramidLevel& current, const Pose& T_current_reference, const Illumination& light, const WarpOptions& options,
-         float gate_factor, float background)
+         float gate_factor, float background, bool rows_of_current = false)
       : texture_(current.texture.data()),
         gamma_(current.gamma.empty() ? nullptr : &current.gamma),
         width_(current.intensity.width()),
@@ -100,7 +101,8 @@ class Warper {
         background_(background),
         gain_(light.gain),
         offset_(light.offset),
-        esm_(options.esm) {
+        esm_(options.esm),
+        rows_of_current_(rows_of_current) {
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) R_[i][j] = static_cast<float>(T_current_reference(i, j));
       t_[i] = static_cast<float>(T_current_reference(i, 3));
@@ -185,15 +187,25 @@ class Warper {
         NoiseInput<Lanes>{o.residual_intensity, gi2, Z, Y2, o.I[0], o.I[1], o.X[2], fx_, fy_});
     o.inverse_depth =
         noise.squared_weight_depth(NoiseInput<Lanes>{o.residual_depth, gz2, Z, Y2, o.D[0], o.D[1], o.X[2], fx_, fy_});
-    if (esm_) {
-      const Lanes c0 = (top + b * (bottom - top)) * (fx_ * iz);
-      const Lanes c1 = (lower - upper) * (fy_ * iz);
-      const Lanes c2 = Lanes(0.0F) - (c0 * Y0 + c1 * Y1) * iz;
-      for (int i = 0; i < 3; ++i) {
-        o.I[i] = 0.5F * (o.I[i] + select(o.valid, R_[0][i] * c0 + R_[1][i] * c1 + R_[2][i] * c2, o.I[i]));
-      }
+    if (!esm_ && !rows_of_current_) return;
+    const auto row = [&](const Lanes& du, const Lanes& dv, Lanes (&to)[3], const Lanes& e_z) {  // R^T (J_pi^T grad - e_z)
+      const Lanes c0 = du * (fx_ * iz);
+      const Lanes c1 = dv * (fy_ * iz);
+      const Lanes c2 = Lanes(0.0F) - (c0 * Y0 + c1 * Y1) * iz - e_z;
+      for (int i = 0; i < 3; ++i) to[i] = R_[0][i] * c0 + R_[1][i] * c1 + R_[2][i] * c2;
+    };
+    Lanes current[3];
+    row(top + b * (bottom - top), lower - upper, current, zero);
+    for (int i = 0; i < 3; ++i) {
+      const Lanes seen = select(o.valid, current[i], o.I[i]);
+      o.I[i] = rows_of_current_ ? seen : 0.5F * (o.I[i] + seen);
     }
+    if (!rows_of_current_) return;
+    const Lanes top_z = p.c[3] - p.c[1];
+    row(top_z + b * (q.c[3] - q.c[1] - top_z), lower_z - upper_z, current, Lanes(1.0F));
+    for (int i = 0; i < 3; ++i) o.D[i] = select(o.valid_depth, current[i], zero);
   }
+  [[nodiscard]] bool rows_of_current() const { return rows_of_current_; }
 
  private:
   static constexpr float kNear = 0.1F;           // warped points nearer than this are out of view [m]
@@ -206,7 +218,7 @@ class Warper {
   Lanes R_[3][3], t_[3];
   Lanes fx_, fy_, cx_, cy_, u_max_, v_max_, row_, z_near_, gate_, gate_relative_, spread_, background_, gain_,
       offset_;
-  bool esm_;
+  bool esm_, rows_of_current_;
 };
 
 APSO_NAMESPACE_END

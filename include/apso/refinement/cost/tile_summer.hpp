@@ -47,7 +47,8 @@ class TileSummer {
       noise_(warper_, squares_, list.block(b), blocks, pixels_, tally_);
       weigh(list.block(b), blocks);
       sum_costs(groups(blocks), s);
-      multiply(list.block(b), blocks);
+      if (warper_.rows_of_current()) multiply_rows_of_both(list.block(b), blocks);
+      else multiply(list.block(b), blocks);
       sum_rows<0>(list.block(b), blocks, s);
       sum_rows<1>(list.block(b), blocks, s);
       sum_rows<2>(list.block(b), blocks, s);
@@ -160,6 +161,29 @@ class TileSummer {
         m[6] = pi0 * p->residual_intensity + pd0 * p->residual_depth;
         m[7] = pi1 * p->residual_intensity + pd1 * p->residual_depth;
         m[8] = pi2 * p->residual_intensity + pd2 * p->residual_depth;
+      }
+    }
+  }
+
+  // The symmetric part of q a_reference a_current^T in place of q a a^T; no f.
+  void multiply_rows_of_both(const float* block, int blocks) {
+    using P = PixelList;
+    const WarpedPixels::Group* p = pixels_.groups;
+    const Lanes* kernel = pixels_.s2;
+    Lanes* m = m_;
+    for (int b = 0; b < blocks; ++b, block += P::kFields * P::kBlock) {
+      for (int at = 0; at < P::kBlock; at += kLanes, ++p, kernel += 2, m += 9) {
+        const auto field = [&](P::Field f) { return Lanes::load(block + f * P::kBlock + at); };
+        const Lanes I[3] = {field(P::kI0), field(P::kI1), field(P::kI2)};
+        const Lanes D[3] = {field(P::kD0), field(P::kD1), field(P::kD2)};
+        const Lanes qi = 0.5F * p->weight_intensity * kernel[0] * p->inverse_intensity * factor_intensity_;
+        const Lanes qd = 0.5F * p->weight_depth * kernel[1] * p->inverse_depth * factor_depth_;
+        for (int i = 0, n = 0; i < 3; ++i) {
+          for (int j = i; j < 3; ++j, ++n) {
+            m[n] = qi * (I[i] * p->I[j] + I[j] * p->I[i]) + qd * (D[i] * p->D[j] + D[j] * p->D[i]);
+          }
+        }
+        m[6] = m[7] = m[8] = 0.0F;
       }
     }
   }

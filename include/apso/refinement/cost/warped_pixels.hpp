@@ -22,6 +22,7 @@ struct WarpedPixels {
     Lanes inverse_intensity, inverse_depth;      ///< 1 / variance
     Lanes residual_intensity, residual_depth;
     Lanes I[3];                                  ///< photometric row; the depth row is in the list
+    Lanes D[3];                                  ///< depth row of the current image, only if the warper gives it
     Lanes current;                               ///< I_c(u)
   };
   Group groups[kGroups];
@@ -106,6 +107,9 @@ class NoiseRef {
           to->residual_intensity = o.residual_intensity;
           to->residual_depth = o.residual_depth;
           for (int i = 0; i < 3; ++i) to->I[i] = o.I[i];
+          if (warper.rows_of_current()) {
+            for (int i = 0; i < 3; ++i) to->D[i] = o.D[i];
+          }
           to->current = o.current;
         }
         valid = valid + o.valid;

@@ -22,6 +22,7 @@
 #include <apso/refinement/pyramid/pyramid.hpp>
 #include <apso/refinement/solver/degeneracy.hpp>
 #include <apso/refinement/solver/level_solver.hpp>
+#include <apso/refinement/solver/pose_information.hpp>
 #include <apso/refinement/start/rotation_search.hpp>
 #include <apso/refinement/start/start_search.hpp>
 #include <apso/status.hpp>
@@ -87,7 +88,7 @@ class AlignerCore {
     const Pose T_guess = inverse(result.T_world_camera);
     solver_ = LevelSolver{};
     solver_.T = near ? T_guess : choose_start(candidates, result, executor);
-    Origin origin{T_guess, solver_.T, kDegenerateRatio};
+    Origin origin{T_guess, kDegenerateRatio};
 
     const int middle = level_narrower_than(100);
     bool searched = false;
@@ -152,7 +153,6 @@ class AlignerCore {
   // What directions that the images do not determine have to go by.
   struct Origin {
     Pose T_kept;   // the pose they keep
-    Pose T_start;  // where the descent began
     double ratio;  // share of the largest eigenvalue below which a direction is undetermined
   };
 
@@ -183,7 +183,7 @@ class AlignerCore {
       if (support > most) {
         most = support;
         best = solver_.T;
-        if (other) origin = {T_start, T_start, ratio};
+        if (other) origin = {T_start, ratio};
       }
     }
     return best;
@@ -233,15 +233,20 @@ class AlignerCore {
       fail(r, Status::Diverged);
       return;
     }
-    cost_.estimate_scales(T, 2 * AlignmentCost::kScaleSamples, 0, executor);
-    cost_.report_scales(r);
     r.median_depth = cost_.typical_depth();
     const Twist D = unit_twist(r.median_depth);
     const Matrix6 scaled = scaled_both(D, n.H);
-    const Degeneracy open(scaled, origin.ratio, true);
-    r.degenerate_count = open.count;
-    r.degenerate_projector = open.projector;
-    r.eigenvalues = open.eigenvalues;
+    const Matrix6 moved = Degeneracy(scaled, origin.ratio, false).keep();  // the directions that the solver has moved
+    const Matrix6 shared = times(times(moved, scaled_both(D, cost_.shared_information(T, executor))), moved);
+    const PoseInformation known(scaled, shared, scaled_both(D, cost_.scatter(T)), [&](Twist direction) {
+      for (int i = 0; i < 6; ++i) direction(i) *= D(i);
+      return cost_.significance(direction, T);
+    });
+    cost_.estimate_scales(T, 2 * AlignmentCost::kScaleSamples, 0, executor);
+    cost_.report_scales(r);
+    r.degenerate_count = known.open_count;
+    r.degenerate_projector = known.open;
+    r.eigenvalues = known.eigenvalues;
     if (r.counts.valid_depth < kMinimumAlignedPixels) {
       fail(r, Status::TooFewPixels);
       return;
@@ -259,9 +264,8 @@ class AlignerCore {
       for (int i = 0; i < 6; ++i) e(i) /= D(i);
       return e;
     };
-    if (r.degenerate_count > 0 && norm(se3_log(compose(origin.T_start, inverse(origin.T_kept)))) > 1e-12) {
-      // it did not start there: bring the undetermined directions back
-      Twist back = times(open.projector, scaled_to(origin.T_kept));
+    if (r.degenerate_count > 0) {  // noise may have moved them, or the start
+      Twist back = times(known.open, scaled_to(origin.T_kept));
       for (int i = 0; i < 6; ++i) back(i) *= D(i);
       T = normalized(compose(se3_exp(back), T));
     }
@@ -269,14 +273,9 @@ class AlignerCore {
       fail(r, Status::Diverged);
       return;
     }
-    double fill = 0;
-    for (int i = 0; i < 6; ++i) fill += scaled(i, i) / 6;
-    const Matrix6 keep = open.keep();
-    const Matrix6 inverted = times(times(keep, solve_symmetric(open.regular(scaled, fill), identity<Matrix6>())), keep);
-    const Matrix6 covariance = scaled_both(D, inverted);
-    r.information = times(kInformationDeflation, n.H);
+    r.covariance = scaled_both(D, known.covariance);
     for (int i = 0; i < 6; ++i) {
-      for (int j = 0; j < 6; ++j) r.covariance(i, j) = 0.5 / kInformationDeflation * (covariance(i, j) + covariance(j, i));
+      for (int j = 0; j < 6; ++j) r.information(i, j) = known.information(i, j) / (D(i) * D(j));
     }
     r.T_world_camera = normalized(inverse(T));
     r.status = r.degenerate_count > 0 ? Status::Degenerate : (solver_.converged ? Status::Converged : Status::MaxIterations);

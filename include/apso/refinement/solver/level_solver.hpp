@@ -21,8 +21,6 @@ APSO_NAMESPACE_BEGIN
 
 /// Fewer valid pixels at the finest level are a failure.
 inline constexpr int kMinimumAlignedPixels = 300;
-/// Neighbouring residuals are correlated: factor on the information of a pose.
-inline constexpr double kInformationDeflation = 0.01;
 
 /// Solves one level after the other for T_camera_world.
 class LevelSolver {

@@ -1,0 +1,172 @@
+// Does the alignment know when it is wrong? Pairs that can be aligned and pairs that cannot, seen by a sensor whose noise is not
+// the one that the alignment expects, and pairs of recordings: how many wrong results are called good, how many right ones are
+// refused, and whether the errors are as large as the covariance says.
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include <apso/io/camera_yaml.hpp>
+#include <apso/opencv/cameras.hpp>
+#include <apso/refinement/align.hpp>
+
+#include "planar_scenes.hpp"
+#include "recording_pairs.hpp"
+
+namespace {
+using pairs::kDegree;
+using pairs::Pair;
+
+constexpr double kRightMillimetres = 20, kRightDegrees = 1;  // right = below both
+constexpr double kGood = 0.5;                                // c_dir from which a result is called good
+
+struct Preset {
+  std::string name;
+  apso::PyramidOptions pyramid;
+  apso::AlignmentOptions alignment;
+};
+
+struct Row {
+  int pairs = 0, right = 0, right_refused = 0, wrong_good = 0, good = 0, open = 0;
+  std::vector<double> normalised;  // squared error over its variance, mean over six directions, of right results
+  double expected = 0;             // sum of c_dir over results, to compare with how many are right
+};
+
+class Judge {
+ public:
+  explicit Judge(const std::string& csv) {
+    if (csv.empty()) return;
+    file_.open(csv);
+    file_ << "set,preset,step,mm,deg,right,c_dir,status,degenerate,valid_share,static_share,correlation,scale_intensity,scale_depth,"
+             "cost,iterations,sigma_mm,sigma_deg,normalised\n";
+  }
+
+  void operator()(const std::string& set, const Preset& preset, const apso::Pinhole& camera, const Pair& p, Row& row) {
+    reference_.build({0.0, p.reference.intensity, p.reference.depth}, camera, {}, preset.pyramid, apso::PyramidRole::Reference);
+    current_.build({0.0, p.current.intensity, p.current.depth}, camera, {}, preset.pyramid, apso::PyramidRole::Current);
+    apso::DirectAligner aligner(preset.alignment);
+    const apso::AlignmentResult a = aligner.align({{&reference_, apso::Pose::Identity(), 1.0}}, current_, {apso::Pose::Identity()});
+    const double c = apso::direct_confidence(a).c_dir;
+    // the increment (v, w) of T_current_reference from the left
+    const apso::Twist e = apso::se3_log(apso::compose(p.T_current_reference, a.T_world_camera));
+    const double mm = 1e3 * e.head<3>().norm();
+    const double degrees = e.tail<3>().norm() / kDegree;
+    const bool right = mm < kRightMillimetres && degrees < kRightDegrees;
+    const bool good = apso::succeeded(a.status) && c > kGood;
+    const double normalised = (e.transpose() * a.information * e).value() / (6 - a.degenerate_count);
+    ++row.pairs;
+    row.right += right ? 1 : 0;
+    row.good += good ? 1 : 0;
+    row.wrong_good += good && !right ? 1 : 0;
+    row.right_refused += right && !good ? 1 : 0;
+    row.open += a.degenerate_count > 0 ? 1 : 0;
+    row.expected += c;
+    if (right && apso::succeeded(a.status)) row.normalised.push_back(normalised);
+    if (!file_.is_open()) return;
+    const apso::Matrix6& C = a.covariance;
+    file_ << set << ',' << preset.name << ',' << p.step << ',' << mm << ',' << degrees << ',' << right << ',' << c << ','
+          << apso::to_string(a.status) << ',' << a.degenerate_count << ',' << a.valid_share << ',' << a.static_share << ','
+          << a.correlation << ',' << a.scale_intensity << ',' << a.scale_depth << ',' << a.cost << ',' << a.iterations << ','
+          << 1e3 * std::sqrt(C(0, 0) + C(1, 1) + C(2, 2)) << ',' << std::sqrt(C(3, 3) + C(4, 4) + C(5, 5)) / kDegree << ','
+          << normalised << '\n';
+  }
+
+ private:
+  std::ofstream file_;
+  apso::FramePyramid reference_, current_;
+};
+
+void print_head() {
+  std::printf("| set | preset | pairs | right | called good, of these wrong | right but refused | open directions told | "
+              "normalised error of right results: mean, 95 %% |\n|---|---|---|---|---|---|---|---|\n");
+}
+void print(const std::string& set, const Preset& preset, Row& r) {
+  double mean = 0;
+  for (const double n : r.normalised) mean += n / static_cast<double>(r.normalised.size());
+  std::sort(r.normalised.begin(), r.normalised.end());
+  const double high = r.normalised.empty() ? 0 : r.normalised[r.normalised.size() * 95 / 100];
+  std::printf("| %s | %s | %d | %d | %d, %d | %d | %d | %.2f, %.2f |\n", set.c_str(), preset.name.c_str(), r.pairs, r.right, r.good,
+              r.wrong_good, r.right_refused, r.open, mean, high);
+  std::fflush(stdout);
+}
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Does the alignment know when it is wrong?"};
+  int views = 25;
+  std::uint64_t seed = 2026;
+  std::vector<std::string> sets{"rooms", "bodies", "poster", "stripes", "corridor", "wall", "checkerboard", "facade"};
+  std::vector<double> motions{0.01, 0.04, 0.10};
+  std::string csv, recording, truth, camera;
+  std::vector<int> steps{1, 2, 3, 5, 8};
+  int max_pairs = std::numeric_limits<int>::max();
+  app.add_option("--views", views, "views of each set")->check(CLI::Range(1, 10000));
+  app.add_option("--seed", seed, "of the views");
+  app.add_option("--sets", sets, "rooms bodies crowd poster stripes corridor wall checkerboard facade none");
+  app.add_option("--motions", motions, "[m], each with half a degree per centimetre");
+  app.add_option("--csv", csv, "file for one line per result");
+  app.add_option("--recording", recording, "folder of a recording in the layout of the TUM benchmark");
+  app.add_option("--truth", truth, "its trajectory");
+  app.add_option("--camera", camera, "of the recording: a name such as tum-fr1, or a YAML file");
+  app.add_option("--steps", steps, "distances of the frames of a pair");
+  app.add_option("--pairs", max_pairs, "maximum number of pairs per distance, evenly spaced (default: all)")->check(CLI::PositiveNumber);
+  CLI11_PARSE(app, argc, argv);
+
+  Preset normal{"default", {}, {}};
+  Preset dense{"dense", {}, apso::dense_alignment()};
+  dense.pyramid.finest = 0;
+  dense.pyramid.max_pixels = 0;
+  const std::vector<Preset> presets{normal, dense};
+  Judge judge(csv);
+  const apso::Pinhole synthetic = apso::testing::freiburg3_camera(640, 480);
+  const pairs::PairMaker maker(seed);
+  const pairs::ForeignSensor sensor;
+  print_head();
+  for (const std::string& set : sets) {
+    if (set == "none") continue;
+    std::vector<Row> rows(presets.size());
+    for (int v = 0; v < views; ++v) {
+      for (const double step : motions) {
+        const auto planar = [&](pairs::Scenery kind) {
+          return pairs::make_planar_pair(kind, seed * 1000 + static_cast<std::uint64_t>(v), step, synthetic, sensor);
+        };
+        Pair p;
+        if (set == "rooms") p = pairs::make_room_pair(maker, v, step, 0, sensor);
+        else if (set == "bodies") p = pairs::make_room_pair(maker, v, step, 0.16, sensor);
+        else if (set == "crowd") p = pairs::make_room_pair(maker, v, step, 0.6, sensor);
+        else if (set == "poster") p = planar(pairs::Scenery::Poster);
+        else if (set == "stripes") p = planar(pairs::Scenery::Stripes);
+        else if (set == "corridor") p = planar(pairs::Scenery::Corridor);
+        else if (set == "checkerboard") p = planar(pairs::Scenery::Checkerboard);
+        else if (set == "facade") p = planar(pairs::Scenery::Facade);
+        else if (set == "wall") p = planar(pairs::Scenery::Wall);
+        else {
+          std::fprintf(stderr, "verdict: there is no set %s\n", set.c_str());
+          return 2;
+        }
+        for (std::size_t i = 0; i < presets.size(); ++i) judge(set, presets[i], synthetic, p, rows[i]);
+      }
+    }
+    for (std::size_t i = 0; i < presets.size(); ++i) print(set, presets[i], rows[i]);
+  }
+  if (recording.empty()) return 0;
+  const apso::CameraModel model = std::filesystem::is_regular_file(camera) ? apso::camera_from_yaml(camera) : apso::camera_by_name(camera);
+  const pairs::RecordingPairs source(recording, model, truth.empty() ? recording + "/groundtruth.txt" : truth);
+  for (const int step : steps) {
+    std::vector<Row> rows(presets.size());
+    source.each(step, max_pairs, [&](const Pair& p) {
+      for (std::size_t i = 0; i < presets.size(); ++i) judge(recording, presets[i], model.pinhole, p, rows[i]);
+    });
+    for (std::size_t i = 0; i < presets.size(); ++i) print(recording + ", step " + std::to_string(step), presets[i], rows[i]);
+  }
+  return 0;
+}

@@ -1,0 +1,109 @@
+/// \file
+/// What an alignment knows about each direction of its pose.
+///
+/// The pose solves sum q a r = 0, with a the row of the Jacobian from the reference, r the residual and q its weight. The derivative of
+/// this sum is not the normal matrix H = sum q a a^T, in which the noise of a gradient is squared and looks like information, but
+/// S = sum q a_reference a_current^T: the noise of both images is independent, and cancels (errors in variables, with the other image as
+/// instrument; Fuller, Measurement Error Models, 1987). The covariance of the pose is S^-1 M S^-1, with M the covariance of the sum,
+/// measured by how much it differs from tile to tile: the sandwich of White (Econometrica 1980), clustered (Liang and Zeger, Biometrika 1986).
+/// Residuals may be correlated within a tile, and as large as they like; no model of the noise is asked.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Core>
+
+#include <apso/config.hpp>
+#include <apso/math/se3.hpp>
+#include <apso/math/small_matrix.hpp>
+#include <apso/math/symmetric.hpp>
+
+APSO_NAMESPACE_BEGIN
+
+/// Factor on the variances that tiles tell: of what neighbouring tiles have in common, as interpolation. Of right results on synthetic
+/// pairs, with a sensor whose noise is none that apso knows, the normalised error is 1 on average (benchmarks/verdict, seeds from 100).
+inline constexpr double kTileVarianceFactor = 3.5;
+
+/// Of twists scaled by unit_twist().
+struct PoseInformation {
+  Matrix6 open = zeros<Matrix6>();         ///< projector onto the directions of which the images tell nothing
+  int open_count = 0;
+  Matrix6 covariance = zeros<Matrix6>();   ///< 0 in open directions
+  Matrix6 information = zeros<Matrix6>();  ///< its inverse, 0 in open directions
+  Twist eigenvalues = zeros<Twist>();      ///< of S, rising
+
+  /// \param H normal matrix
+  /// \param S of the rows of both images, 0 in directions that the solver has not moved
+  /// \param M covariance of the right side
+  /// \param significance significance(v) of v^T S v: its sum over the tiles over the root of the sum of squares
+  template <class Significance>
+  PoseInformation(const Matrix6& H, const Matrix6& S, const Matrix6& M, const Significance& significance) {
+    const SymmetricEigen<6> eigen = eigen_symmetric(S);
+    eigenvalues = eigen.values;
+    bool known[6];
+    Twist direction[6];
+    for (int i = 0; i < 6; ++i) {
+      for (int k = 0; k < 6; ++k) direction[i](k) = eigen.vectors(k, i);
+      const double s = eigen.values(i);
+      const double h = quadratic(direction[i], H, direction[i]);
+      // a share of h that is small may be chance; significance is asked only then, as one corner that fixes all is not spread over tiles
+      known[i] = s > kFloor && (s >= kShared * h || significance(direction[i]) >= kSignificance);
+    }
+    Matrix6 inverse_spread = zeros<Matrix6>();  // of the known directions in their own coordinates; identity on the others
+    Matrix6 spread = zeros<Matrix6>();
+    for (int i = 0; i < 6; ++i) {
+      if (!known[i]) {
+        ++open_count;
+        spread(i, i) = 1;
+        add_outer(1.0, direction[i], direction[i], open);
+        continue;
+      }
+      for (int k = 0; k < 6; ++k) {
+        if (known[k]) {
+          spread(i, k) = kTileVarianceFactor * quadratic(direction[i], M, direction[k]) / (eigen.values(i) * eigen.values(k));
+        }
+      }
+      spread(i, i) += kExact;
+    }
+    inverse_spread = solve_symmetric(spread, identity<Matrix6>());
+    for (int i = 0; i < 6; ++i) {
+      for (int k = 0; k < 6; ++k) {
+        if (!known[i] || !known[k]) continue;
+        add_outer(spread(i, k), direction[i], direction[k], covariance);
+        add_outer(inverse_spread(i, k), direction[i], direction[k], information);
+      }
+    }
+    covariance = symmetric(covariance);
+    information = symmetric(information);
+  }
+
+ private:
+  static constexpr double kFloor = 50;          // eigenvalue below which nothing is known, as in Degeneracy
+  static constexpr double kShared = 0.1;        // share of H that both images have in common where there is more than noise: bare
+                                                // walls have 0.00 +- 0.02 along themselves, textured ones 0.5 to 1
+  static constexpr double kSignificance = 5;    // standard deviations of what chance gives
+  static constexpr double kExact = 1e-14;       // variance of a pose from images without noise, so that it can be inverted
+
+  static double quadratic(const Twist& a, const Matrix6& A, const Twist& b) {
+    double sum = 0;
+    for (int i = 0; i < 6; ++i) {
+      for (int k = 0; k < 6; ++k) sum += a(i) * A(i, k) * b(k);
+    }
+    return sum;
+  }
+  static void add_outer(double factor, const Twist& a, const Twist& b, Matrix6& to) {
+    for (int i = 0; i < 6; ++i) {
+      for (int k = 0; k < 6; ++k) to(i, k) += factor * a(i) * b(k);
+    }
+  }
+  static Matrix6 symmetric(const Matrix6& A) {
+    Matrix6 out;
+    for (int i = 0; i < 6; ++i) {
+      for (int k = 0; k < 6; ++k) out(i, k) = 0.5 * (A(i, k) + A(k, i));
+    }
+    return out;
+  }
+};
+
+APSO_NAMESPACE_END

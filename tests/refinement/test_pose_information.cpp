@@ -1,0 +1,134 @@
+// What an alignment says of its own exactness, on scenes of which it is known what they leave open.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <functional>
+#include <random>
+
+#include <apso/align.hpp>
+
+namespace {
+using namespace apso;
+
+using Brightness = std::function<double(double x, double y)>;  // at a place of the wall [m]
+
+const Eigen::Vector3d kNormal = Eigen::Vector3d(0.2, -0.15, -1).normalized();
+const Eigen::Vector3d kRight = Eigen::Vector3d(1, 0, 0.2).normalized();
+const Eigen::Vector3d kDown = kNormal.cross(kRight).normalized();
+
+struct Views {
+  Image<float> reference_intensity, reference_depth, intensity, depth;
+};
+
+// A wall two metres away, tilted about both axes, seen twice. The depth is rounded to steps of 1/8 pixel of disparity, as that
+// of a structured-light camera, which is no noise that the alignment has a model of.
+Views look_at_wall(const Pinhole& camera, const Brightness& brightness, const Pose& T_reference_current, unsigned seed, double grey_sigma) {
+  Views v;
+  std::mt19937 rng(seed);
+  std::normal_distribution<double> gauss;
+  const auto shoot = [&](const Pose& T_world_camera, Image<float>& intensity, Image<float>& depth) {
+    intensity.resize(camera.width, camera.height);
+    depth.resize(camera.width, camera.height);
+    for (int y = 0; y < camera.height; ++y) {
+      for (int x = 0; x < camera.width; ++x) {
+        double grey = 0;
+        double z = 0;
+        for (int k = 0; k < 9; ++k) {  // rays per pixel; the last is its middle
+          const int place = (k + 5) % 9;
+          const Eigen::Vector3d ray = T_world_camera.linear() * camera.unproject(x + (place % 3 - 1) / 3.0, y + (place / 3 - 1) / 3.0, 1.0);
+          z = kNormal.dot(Eigen::Vector3d(0, 0, 2) - T_world_camera.translation()) / kNormal.dot(ray);
+          const Eigen::Vector3d p = T_world_camera.translation() + z * ray - Eigen::Vector3d(0, 0, 2);
+          grey += brightness(kRight.dot(p), kDown.dot(p)) / 9;
+        }
+        intensity(x, y) = static_cast<float>(grey + grey_sigma / 255 * gauss(rng));
+        const double disparity = camera.fx * 0.15 / z;
+        depth(x, y) = static_cast<float>(camera.fx * 0.15 / (std::round(8 * (disparity + 0.15 * gauss(rng))) / 8));
+      }
+    }
+  };
+  shoot(Pose::Identity(), v.reference_intensity, v.reference_depth);
+  shoot(T_reference_current, v.intensity, v.depth);
+  return v;
+}
+
+const Pinhole kCamera{262.5, 262.5, 159.5, 119.5, 320, 240};
+
+PairAlignment<> align_views(const Views& v) {
+  return align(v.reference_intensity, v.reference_depth, v.intensity, v.depth, kCamera);
+}
+
+// Squares of random brightness.
+double patches(double x, double y) {
+  const auto i = static_cast<std::uint32_t>(static_cast<std::int32_t>(std::floor(x / 0.06)));
+  const auto j = static_cast<std::uint32_t>(static_cast<std::int32_t>(std::floor(y / 0.06)));
+  std::uint32_t h = i * 73856093U ^ j * 19349663U;
+  h = (h ^ (h >> 16)) * 0x7feb352dU;
+  h = (h ^ (h >> 15)) * 0x846ca68bU;
+  return 0.1 + 0.8 * static_cast<double>((h ^ (h >> 16)) & 0xffffU) / 65535.0;
+}
+double stripes(double x, double) { return patches(x, 0.01); }
+
+const Pose kMotion = [] {
+  Twist xi;
+  xi << 0.02, 0.03, -0.01, 0.006, -0.004, 0.005;
+  return se3_exp(xi);
+}();
+}  // namespace
+
+TEST_CASE("a wall with stripes leaves the direction along them open, and says so, whatever the noise across them looks like") {
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    const PairAlignment<> r = align_views(look_at_wall(kCamera, stripes, kMotion, seed, 3));
+    REQUIRE(r.status == Status::Degenerate);
+    CHECK(r.detail.degenerate_count == 1);
+    Twist along = zeros<Twist>();  // the stripes, in the current camera
+    along.head<3>() = kMotion.linear().transpose() * kDown;
+    const Eigen::Matrix<double, 6, 6> P = r.detail.degenerate_projector;
+    CHECK((P * along).norm() > 0.95);
+    CHECK((r.detail.information * along).norm() < 0.05 * r.detail.information(0, 0));
+    CHECK(r.confidence == 0);
+    CHECK(direct_confidence(r.detail).determined > 0.5);
+    // what is open keeps the guess; what is not is found
+    const Eigen::Vector3d found = r.detail.T_world_camera.translation();
+    const Eigen::Vector3d error = found - kMotion.translation();
+    CHECK(std::abs(kDown.dot(found)) < 0.005);
+    CHECK((error - kDown.dot(error) * kDown).norm() < 0.002);
+  }
+}
+
+TEST_CASE("a bare wall leaves three directions open") {
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    const PairAlignment<> r = align_views(look_at_wall(kCamera, [](double, double) { return 0.5; }, kMotion, seed, 3));
+    CHECK(r.detail.degenerate_count >= 3);
+    CHECK(r.confidence == 0);
+  }
+}
+
+TEST_CASE("errors on a textured wall are as large as the covariance says") {
+  double sum = 0;
+  constexpr int kSeeds = 12;
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+    const PairAlignment<> r = align_views(look_at_wall(kCamera, patches, kMotion, seed, 3));
+    REQUIRE(r.status == Status::Converged);
+    CHECK(r.confidence > 0.8);
+    const Twist e = se3_log(compose(inverse(kMotion), r.detail.T_world_camera));
+    const double normalised = (e.transpose() * r.detail.information * e).value() / 6;
+    CHECK(normalised < 5);  // chi-square of 6 degrees of freedom exceeds 5 times its mean once in ten thousand
+    sum += normalised / kSeeds;
+    const Eigen::Matrix<double, 6, 6> product = r.detail.covariance * r.detail.information;
+    CHECK((product - Eigen::Matrix<double, 6, 6>::Identity()).cwiseAbs().maxCoeff() < 1e-4);
+  }
+  CHECK(sum > 0.2);
+  CHECK(sum < 2);
+}
+
+TEST_CASE("more noise of the image makes a pose less certain") {
+  double sigma[2] = {0, 0};
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    for (const int noisy : {0, 1}) {
+      const PairAlignment<> r = align_views(look_at_wall(kCamera, patches, kMotion, seed, noisy != 0 ? 15 : 3));
+      REQUIRE(succeeded(r.status));
+      sigma[noisy] += std::sqrt(r.detail.covariance.topLeftCorner(3, 3).trace());
+    }
+  }
+  CHECK(sigma[1] > 1.5 * sigma[0]);
+}
