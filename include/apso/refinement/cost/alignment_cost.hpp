@@ -125,10 +125,27 @@ class AlignmentCost {
   void sum(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor) {
     pass(T_camera_world, buffer, executor, 1, true);
   }
-  /// The matrix of the rows of both images, sum q a_reference a_current^T (solver/pose_information.hpp), at the accepted pose.
-  [[nodiscard]] Matrix6 shared_information(const Pose& T_camera_world, const ExecutorRef& executor) {
-    pass(T_camera_world, kTrial, executor, 1, true, true);
-    return normal_equations(T_camera_world, executor, kTrial).H;
+  /// H with the rows of the reference, and with those of both images, sum q a_reference a_current^T (solver/pose_information.hpp), at the
+  /// accepted pose: both of the same tiles, a third of all, and brought to the size of all.
+  struct SharedInformation {
+    Matrix6 by_one = zeros<Matrix6>(), by_both = zeros<Matrix6>();
+  };
+  /// \param H the normal matrix at the accepted pose
+  [[nodiscard]] SharedInformation shared_information(const Matrix6& H, const Pose& T_camera_world, const ExecutorRef& executor) {
+    pass(T_camera_world, kTrial, executor, kSharedTiles, true, true);
+    SharedInformation s;
+    s.by_one = normal_equations(T_camera_world, executor, kAccepted, kSharedTiles).H;
+    s.by_both = normal_equations(T_camera_world, executor, kTrial, kSharedTiles).H;
+    double all = 0;
+    double some = 0;
+    for (int i = 0; i < 6; ++i) {
+      all += H(i, i);
+      some += s.by_one(i, i);
+    }
+    const double factor = some > 0 ? all / some : 0.0;
+    s.by_one = times(factor, s.by_one);
+    s.by_both = times(factor, s.by_both);
+    return s;
   }
   /// The same of every `step`-th tile, for costs alone.
   void sum_cost(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor, int step = 1) {
@@ -155,14 +172,16 @@ class AlignmentCost {
     for (std::size_t k = 0; k < used_; ++k) terms_[k].add_cost(buffer, step, cost, weight);
     return weight > 0 ? cost / weight : std::numeric_limits<double>::infinity();
   }
-  /// Of the accepted sums, for an increment of T_camera_world from the left.
-  [[nodiscard]] NormalEquations normal_equations(const Pose& T_camera_world, const ExecutorRef& executor, Buffer buffer = kAccepted) {
+  /// Of the sums of every `step`-th tile, for an increment of T_camera_world from the left.
+  [[nodiscard]] NormalEquations normal_equations(const Pose& T_camera_world, const ExecutorRef& executor, Buffer buffer = kAccepted,
+                                                 int step = 1) {
     executor(static_cast<int>(parts_.size()), [&](int i) {
       CostPart& p = parts_[static_cast<std::size_t>(i)];
       const CostTerm& t = terms_[static_cast<std::size_t>(p.term)];
       PixelSums<double> sum{};
-      for (auto k = static_cast<std::size_t>(p.begin); k < static_cast<std::size_t>(p.end); ++k) {
-        add(sum, t.sums[buffer][k], t.labels[k]);
+      for (int k = first_tile(p, step); k < p.end; k += step) {
+        const auto n = static_cast<std::size_t>(k);
+        add(sum, t.sums[buffer][n], t.labels[n]);
       }
       p.sum = sum;
     });
@@ -200,7 +219,7 @@ class AlignmentCost {
     for (std::size_t k = 0; k < used_; ++k) {
       const CostTerm& t = terms_[k];
       const Twist d = times(adjoint_inverse(compose(T_camera_world, t.T_world_reference)), direction);
-      t.add_information_about(d, kTrial, sum, squares);
+      t.add_information_about(d, kTrial, kSharedTiles, sum, squares);
     }
     return squares > 0 ? sum / std::sqrt(squares) : 0.0;
   }
@@ -307,6 +326,7 @@ class AlignmentCost {
 
  private:
   static constexpr double kAlphaFiner = 0.85;       // largest alpha at the level more of frames that are mostly masked, as in dense_alignment()
+  static constexpr int kSharedTiles = 3;            // every third tile, of 20 in a row: spread over all columns
   static constexpr double kCoarseScaleFloor = 0.25; // smallest scale at coarse levels, in units of the noise model
 
   [[nodiscard]] Warper warper(const CostTerm& t, const Pose& T_camera_world, bool rows_of_current = false) const {
@@ -338,6 +358,8 @@ class AlignmentCost {
     return e;
   }
 
+  static int first_tile(const CostPart& p, int step) { return (p.begin + step - 1) / step * step; }
+
   // Every `step`-th tile, and what became of the pixels.
   void pass(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor, int step, bool equations,
             bool rows_of_current = false) {
@@ -346,7 +368,7 @@ class AlignmentCost {
       CostTerm& t = terms_[static_cast<std::size_t>(p.term)];
       const PixelList& list = t.level->pixels;
       TileSummer summer(warper(t, T_camera_world, rows_of_current), noise_, kernel_, t.scales);
-      for (int k = (p.begin + step - 1) / step * step; k < p.end; k += step) {
+      for (int k = first_tile(p, step); k < p.end; k += step) {
         const auto n = static_cast<std::size_t>(k);
         if (equations) summer(list, list.tiles[n], t.sums[buffer][n]);
         else summer.cost(list, list.tiles[n], t.sums[buffer][n]);

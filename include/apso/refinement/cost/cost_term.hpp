@@ -95,10 +95,10 @@ struct CostTerm {
     }
     return sum;
   }
-  /// Adds what the tiles tell about a direction, and the squares of that.
+  /// Adds what every `step`-th tile tells about a direction, and the squares of that.
   /// \param d twist in the frame of the reference
-  void add_information_about(const Twist& d, int buffer, double& sum, double& squares) const {
-    for (std::size_t i = 0; i < sums[buffer].size(); ++i) {
+  void add_information_about(const Twist& d, int buffer, std::size_t step, double& sum, double& squares) const {
+    for (std::size_t i = 0; i < sums[buffer].size(); i += step) {
       PixelSums<double> tile{};
       add(tile, sums[buffer][i], static_cast<float>(weight) * labels[i]);
       const Matrix6 H = tile.equations().H;

@@ -237,8 +237,8 @@ class AlignerCore {
     const Twist D = unit_twist(r.median_depth);
     const Matrix6 scaled = scaled_both(D, n.H);
     const Matrix6 moved = Degeneracy(scaled, origin.ratio, false).keep();  // the directions that the solver has moved
-    const Matrix6 shared = times(times(moved, scaled_both(D, cost_.shared_information(T, executor))), moved);
-    const PoseInformation known(scaled, shared, scaled_both(D, cost_.scatter(T)), [&](Twist direction) {
+    const AlignmentCost::SharedInformation shared = cost_.shared_information(n.H, T, executor);
+    const PoseInformation known(scaled_both(D, shared.by_one), times(times(moved, scaled_both(D, shared.by_both)), moved), scaled_both(D, cost_.scatter(T)), [&](Twist direction) {
       for (int i = 0; i < 6; ++i) direction(i) *= D(i);
       return cost_.significance(direction, T);
     });
