@@ -20,6 +20,7 @@
 #include <apso/opencv/detectors/hog_people.hpp>
 #include <apso/opencv/detectors/motion_by_name.hpp>
 #include <apso/opencv/detectors/precomputed_motion.hpp>
+#include <apso/opencv/mask_image.hpp>
 #include <apso/testing/synthetic.hpp>
 
 namespace {
@@ -339,8 +340,34 @@ TEST_CASE("precomputed: masks and boxes of the stamp, unknown without") {
   cv::imwrite((f.path / "m" / "7.000000.png").string(), cv::Mat(10, 10, CV_8U, cv::Scalar(0)));
   opencv::PrecomputedMotion wrong(camera, (f.path / "m").string(), "");
   CHECK_THROWS_AS(wrong.observe(RgbdFrame{7.0, depth, depth}, Pose::Identity(), {}, m), io_error);
+  opencv::FileUse use;
+  opencv::PrecomputedMotion counted(camera, (f.path / "m").string(), (f.path / "boxes.txt").string(), {}, &use);
+  for (double stamp : {4.0, 5.0, 6.0, 7.0}) counted.observe(RgbdFrame{stamp, depth, depth}, Pose::Identity(), {}, m);
+  CHECK(use.masks == 1);
+  CHECK(use.detections == 2);
+  REQUIRE(use.problems.size() == 1);
+  CHECK(use.problems[0].find("7.000000.png: the mask is 10x10, expected the size of the images, 100x80") != std::string::npos);
+  CHECK(known_ratio(m) == 0.0);
   CHECK_THROWS_AS(opencv::PrecomputedMotion(camera, (f.path / "nowhere").string(), ""), io_error);
   CHECK_THROWS_AS(opencv::PrecomputedMotion(camera, "", ""), contract_error);
+}
+
+TEST_CASE("a mask of any depth and number of channels: what is not 0 in a colour is dynamic") {
+  const Folder f("depths");
+  const std::string file = (f.path / "mask.png").string();
+  const auto read = [&](const cv::Mat& pixels) {
+    cv::imwrite(file, pixels);
+    const cv::Mat mask = opencv::read_mask(file, pixels.size());
+    REQUIRE(mask.type() == CV_8UC1);
+    return std::vector<int>(mask.begin<uchar>(), mask.end<uchar>());
+  };
+  CHECK(read((cv::Mat_<uchar>(1, 4) << 0, 1, 7, 255)) == std::vector<int>{0, 1, 7, 255});
+  CHECK(read((cv::Mat_<ushort>(1, 6) << 0, 1, 255, 256, 512, 65535)) == std::vector<int>{0, 1, 255, 255, 255, 255});
+  CHECK(read((cv::Mat_<cv::Vec3b>(1, 3) << cv::Vec3b(0, 0, 0), cv::Vec3b(1, 0, 0), cv::Vec3b(2, 9, 3))) == std::vector<int>{0, 1, 9});
+  CHECK(read((cv::Mat_<cv::Vec4b>(1, 2) << cv::Vec4b(0, 0, 0, 255), cv::Vec4b(0, 4, 0, 255))) == std::vector<int>{0, 4});
+  CHECK_THROWS_WITH_AS((void)opencv::read_mask(file, {3, 1}), doctest::Contains("the mask is 2x1, expected the size of the images, 3x1"), io_error);
+  std::ofstream(file) << "no image";
+  CHECK_THROWS_AS((void)opencv::read_mask(file, {2, 1}), io_error);
 }
 
 TEST_CASE("every policy can be had by its name, alone and combined, and runs") {

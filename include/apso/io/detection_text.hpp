@@ -239,6 +239,8 @@ class DetectionLog {
     const auto it = lines_.lower_bound(stamp - 0.01);
     return it != lines_.end() && it->first <= stamp + 0.01 ? it->second : none_;
   }
+  /// There is a line or a file for this stamp; a file may say that nothing was found.
+  [[nodiscard]] bool covers(double stamp) { return files_.empty() ? !at(stamp).empty() : !files_.front().at(stamp).empty(); }
 
  private:
   void read_log(const std::string& file) {

@@ -38,6 +38,7 @@ struct MotionFiles {
   std::string detections;  ///< file or folder of detections, for `precomputed`
   std::string model;       ///< ONNX file, for `dnn`
   ClassList classes;       ///< of the detections and of the network
+  FileUse* use = nullptr;  ///< counts what `precomputed` could use, and must outlive it; may be null
 };
 
 /// All policies. Camera, options and files must outlive the table; the files are opened when a policy is made.
@@ -51,7 +52,7 @@ struct MotionFiles {
   };
   const auto precomputed = [&camera, &files, has_files] {
     if (!has_files) contract_violation("motion policy 'precomputed' needs a folder of masks, or detections");
-    return PrecomputedMotion(camera, files.masks, files.detections, files.classes);
+    return PrecomputedMotion(camera, files.masks, files.detections, files.classes, files.use);
   };
   t.emplace_back("hog-people", hog, "people by gradients");
   t.emplace_back("dnn", dnn, "objects of a network, needs --model");
