@@ -99,6 +99,23 @@ TEST_CASE("broken recordings name the file and what was expected") {
   CHECK_THROWS_AS(RgbdSequence(r.path(), CameraModel{}), contract_error);
 }
 
+TEST_CASE("files of the lists are in the folder, and a link that leads nowhere is no missing file") {
+  const Recording r("outside");
+  r.good(2);
+  for (const char* outside : {"../0.png", "rgb/../../0.png", "/tmp/0.png"}) {
+    CAPTURE(outside);
+    r.text("associations.txt", std::string("0.0 ") + outside + " 0.0 depth/0.png\n");
+    CHECK(has(message_of(r.path()), "expected files in this folder"));
+  }
+  r.text("associations.txt", "0.0 rgb/../rgb/0.png 0.0 depth/0.png\n");
+  CHECK(message_of(r.path()).empty());
+  fs::create_symlink("groundtruth.txt", r.path() + "/groundtruth.txt");
+  CHECK(RgbdSequence(r.path(), small_camera()).groundtruth_path() == r.path() + "/groundtruth.txt");
+  fs::remove(r.path() + "/associations.txt");
+  fs::create_symlink("nowhere", r.path() + "/associations.txt");
+  CHECK(has(message_of(r.path()), "associations.txt: cannot open"));
+}
+
 TEST_CASE("unsorted and repeated stamps are put right with a warning") {
   const Recording r("unsorted");
   r.good(3);

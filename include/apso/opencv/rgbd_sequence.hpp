@@ -67,14 +67,15 @@ class RgbdSequence {
     if (!fs::is_directory(folder_, code))
       throw io_error(folder + ": is no folder, expected one with rgb.txt and depth.txt");
     const fs::path associations = folder_ / "associations.txt";
-    if (fs::exists(associations, code)) {
+    if (is_there(associations)) {
       for (ImageAssociation& a : read_associations(associations.string(), &warnings_))
         entries_.push_back({a.rgb_timestamp, std::move(a.rgb_file), std::move(a.depth_file)});
     } else {
       associate_lists(options.max_difference);
     }
+    refuse_outside();
     const fs::path groundtruth = folder_ / "groundtruth.txt";
-    if (fs::exists(groundtruth, code)) groundtruth_ = groundtruth.string();
+    if (is_there(groundtruth)) groundtruth_ = groundtruth.string();
   }
 
   [[nodiscard]] int size() const { return static_cast<int>(entries_.size()); }
@@ -156,12 +157,28 @@ class RgbdSequence {
     return entries_[static_cast<std::size_t>(i)];
   }
 
+  /// Also a link that leads nowhere is there: it is an error when it is read, and not a file that the recording does not have.
+  static bool is_there(const std::filesystem::path& file) {
+    std::error_code code;
+    return std::filesystem::exists(std::filesystem::symlink_status(file, code));
+  }
+
+  /// The files of the lists are below the folder.
+  void refuse_outside() const {
+    for (const Entry& e : entries_) {
+      for (const std::string& file : {e.colour, e.depth}) {
+        const std::filesystem::path path = std::filesystem::path(file).lexically_normal();
+        if (path.is_relative() && *path.begin() != "..") continue;
+        throw io_error(folder_.string() + ": its lists name '" + file + "', expected files in this folder");
+      }
+    }
+  }
+
   void associate_lists(double max_difference) {
     const std::string rgb_txt = (folder_ / "rgb.txt").string();
     const std::string depth_txt = (folder_ / "depth.txt").string();
-    std::error_code code;
     for (const std::string& list : {rgb_txt, depth_txt})
-      if (!std::filesystem::exists(list, code))
+      if (!is_there(list))
         throw io_error(list + ": no such file, expected lines 'timestamp file' (or associations.txt beside it)");
     std::vector<FileListEntry> rgb = read_file_list(rgb_txt, &warnings_);
     std::vector<FileListEntry> depth = read_file_list(depth_txt, &warnings_);
