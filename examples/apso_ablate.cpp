@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -19,6 +20,9 @@
 #include <apso/version.hpp>
 
 #include "track/ablation.hpp"
+#include "track/command_line.hpp"
+#include "track/config.hpp"
+#include "track/results.hpp"
 #include "track/run_folder.hpp"
 #include "track/sequence_list.hpp"
 
@@ -26,9 +30,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using json = nlohmann::json;
-
-constexpr int exit_bad_input = 1;
-constexpr int exit_usage = 2;
 
 struct Arguments {
   std::vector<std::string> sequences;
@@ -48,8 +49,7 @@ struct PlannedRun {
 
 /// Writes the settings of a variant, unless runs with other settings are in the folder already. \return the file
 fs::path write_settings(const Arguments& a, const track::Variant& variant) {
-  track::Config config;
-  if (!a.config.empty()) apso::read_parameters(a.config, config);
+  const track::Config config = track::read_config(a.config);
   const fs::path file = fs::path(a.output) / "configs" / (variant.name + ".yaml");
   const std::string text = apso::write_parameters(track::changed(config, variant)) + "\n";
   std::string old;
@@ -58,10 +58,7 @@ fs::path write_settings(const Arguments& a, const track::Variant& variant) {
   if (!old.empty()) {
     throw apso::io_error(file.string() + ": the runs in " + a.output + " were made with other settings; take another --output");
   }
-  std::ofstream out(file.string());
-  out << text;
-  out.flush();
-  if (!out) throw apso::io_error(file.string() + ": cannot write");
+  track::write_file(file, text);
   return file;
 }
 
@@ -134,12 +131,13 @@ struct Spread {
 
 struct Row {
   int runs = 0;
-  int missing = 0;
+  int missing = 0;  ///< runs that did not end, or whose results cannot be read
+  int lost = 0;     ///< runs in which no frame has a pose: they have no error
   std::array<Spread, figures.size()> spread;
 };
 
-/// The figures of one finished run, in the order of `figures`; NaN where there is none.
-std::array<double, figures.size()> measure(const fs::path& folder) {
+/// Adds the figures of one finished run; what it has none of is left out.
+void measure(const fs::path& folder, Row& row) {
   const json summary = json::parse(std::ifstream((folder / "summary.json").string()));
   const auto value = [&](const char* path) {
     const json::json_pointer p(path);
@@ -157,17 +155,21 @@ std::array<double, figures.size()> measure(const fs::path& folder) {
     label.add(f.flagged(), !f.label.empty());
     events.push_back({1 - run.at(f, "S_final"), f.failed});
   }
-  return {value("/final/ate/rmse"),
-          value("/features/ate/rmse"),
-          value("/final/rpe_1s/translation/rmse"),
-          value("/final/rpe_1f/translation/rmse"),
-          apso::area_under_roc(events),
-          flagged / decided,
-          label.recall(),
-          label.false_alarm_rate()};
+  const std::array<double, figures.size()> measured{value("/final/ate/rmse"),
+                                                    value("/features/ate/rmse"),
+                                                    value("/final/rpe_1s/translation/rmse"),
+                                                    value("/final/rpe_1f/translation/rmse"),
+                                                    apso::area_under_roc(events),
+                                                    flagged / decided,
+                                                    label.recall(),
+                                                    label.false_alarm_rate()};
+  for (std::size_t i = 0; i < figures.size(); ++i) row.spread[i].add(measured[i]);
+  ++row.runs;
+  row.lost += run.with_pose == 0 ? 1 : 0;
 }
 
-Row row_of(std::size_t variant, const std::vector<PlannedRun>& runs) {
+/// \param problems one more for every run that cannot be read
+Row row_of(std::size_t variant, const std::vector<PlannedRun>& runs, std::vector<std::string>& problems) {
   Row row;
   for (const PlannedRun& run : runs) {
     if (run.variant != variant) continue;
@@ -175,9 +177,12 @@ Row row_of(std::size_t variant, const std::vector<PlannedRun>& runs) {
       ++row.missing;
       continue;
     }
-    ++row.runs;
-    const auto measured = measure(run.job.folder);
-    for (std::size_t i = 0; i < figures.size(); ++i) row.spread[i].add(measured[i]);
+    try {
+      measure(run.job.folder, row);
+    } catch (const std::exception& e) {
+      ++row.missing;
+      problems.push_back(run.job.folder.string() + ": not in the table: " + e.what());
+    }
   }
   return row;
 }
@@ -199,12 +204,13 @@ void print(const track::Variant& variant, const Row& row) {
     std::printf(" %9s", text);
   }
   std::printf("  %s", variant.meaning.c_str());
+  if (row.lost > 0) std::printf(" (%d runs lost)", row.lost);
   if (row.missing > 0) std::printf(" (%d runs missing)", row.missing);
   std::printf("\n");
 }
 
 json to_json(const track::Variant& variant, const Row& row) {
-  json j{{"variant", variant.name}, {"meaning", variant.meaning}, {"runs", row.runs}, {"missing", row.missing}};
+  json j{{"variant", variant.name}, {"meaning", variant.meaning}, {"runs", row.runs}, {"missing", row.missing}, {"lost", row.lost}};
   for (std::size_t i = 0; i < figures.size(); ++i) {
     const Spread& s = row.spread[i];
     json& entry = j[figures[i].name];
@@ -216,17 +222,18 @@ json to_json(const track::Variant& variant, const Row& row) {
 }
 
 /// Prints the table, and writes it as ablation.json and ablation.csv.
-void table(const Arguments& a, const std::vector<track::Variant>& chosen, const std::vector<PlannedRun>& runs) {
+void table(const Arguments& a, const std::vector<track::Variant>& chosen, const std::vector<PlannedRun>& runs,
+           std::vector<std::string>& problems) {
   json rows = json::array();
-  std::ofstream csv((fs::path(a.output) / "ablation.csv").string());
-  csv << "variant,runs,missing";
+  std::ostringstream csv;
+  csv << "variant,runs,missing,lost";
   for (const Figure& f : figures) csv << ',' << f.name;
   csv << '\n';
   print_head();
   for (std::size_t v = 0; v < chosen.size(); ++v) {
-    const Row row = row_of(v, runs);
+    const Row row = row_of(v, runs, problems);
     print(chosen[v], row);
-    csv << chosen[v].name << ',' << row.runs << ',' << row.missing;
+    csv << chosen[v].name << ',' << row.runs << ',' << row.missing << ',' << row.lost;
     for (const Spread& s : row.spread) {
       csv << ',';
       if (std::isfinite(s.mean())) csv << s.mean();
@@ -234,12 +241,15 @@ void table(const Arguments& a, const std::vector<track::Variant>& chosen, const 
     csv << '\n';
     rows.push_back(to_json(chosen[v], row));
   }
-  std::ofstream((fs::path(a.output) / "ablation.json").string())
-      << json{{"version", APSO_VERSION}, {"sequences", a.sequences}, {"repeats", a.repeats}, {"variants", rows}}.dump(2)
-      << '\n';
+  track::write_file(fs::path(a.output) / "ablation.csv", csv.str());
+  track::write_json(fs::path(a.output) / "ablation.json",
+                    {{"version", APSO_VERSION}, {"sequences", a.sequences}, {"repeats", a.repeats}, {"variants", rows}});
 }
 
 int run(const Arguments& a) {
+  std::vector<track::Input> inputs{{"--config", a.config}};
+  for (const std::string& s : a.sequences) inputs.push_back({"a recording", track::parse_sequence(s).arguments.front()});
+  track::keep_apart(a.output, inputs);
   std::vector<track::Variant> chosen = track::variants();
   if (!a.only.empty()) {
     const auto left_out = [&](const track::Variant& v) { return std::find(a.only.begin(), a.only.end(), v.name) == a.only.end(); };
@@ -249,9 +259,7 @@ int run(const Arguments& a) {
   if (!a.plan.empty()) {
     json list = json::array();
     for (const PlannedRun& r : runs) list.push_back({{"folder", r.job.folder.string()}, {"arguments", r.job.arguments}});
-    std::ofstream file(a.plan);
-    file << list.dump(2) << '\n';
-    if (!file) throw apso::io_error(a.plan + ": cannot write");
+    track::write_json(a.plan, list);
     return 0;
   }
   std::vector<std::string> problems;
@@ -260,9 +268,9 @@ int run(const Arguments& a) {
     for (const PlannedRun& r : runs) jobs.push_back(r.job);
     problems = track::run_jobs(jobs, a.jobs, "run");
   }
-  table(a, chosen, runs);
+  table(a, chosen, runs, problems);
   for (const std::string& p : problems) std::fprintf(stderr, "apso_ablate: %s\n", p.c_str());
-  return problems.empty() ? 0 : exit_bad_input;
+  return problems.empty() ? 0 : track::exit_bad_input;
 }
 
 }  // namespace
@@ -278,7 +286,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> names;
   for (const track::Variant& v : track::variants()) names.push_back(v.name);
   app.add_option("SEQUENCE", a.sequences, "sequences to run on")->required();
-  app.add_option("--output", a.output, "folder for the runs, ablation.json and ablation.csv")->required();
+  app.add_option("--output", a.output, "folder for the runs, ablation.json and ablation.csv")->required()->check(track::not_empty());
   app.add_option("--only", a.only, "only these variants")->check(CLI::IsMember(names))->delimiter(',');
   app.add_option("--repeats", a.repeats, "runs of each synthetic sequence, with consecutive seeds")
       ->check(CLI::Range(1, 1000))
@@ -287,15 +295,5 @@ int main(int argc, char** argv) {
   app.add_option("--config", a.config, "YAML file with the settings that all variants start from");
   app.add_option("--plan", a.plan, "only write the list of runs to this file (JSON), e.g. for a cluster");
   app.add_flag("--table", a.table_only, "run nothing, only print the table of the finished runs");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : exit_usage;
-  }
-  try {
-    return run(a);
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "apso_ablate: %s\n", e.what());
-    return exit_bad_input;
-  }
+  return track::run_main("apso_ablate", app, argc, argv, [&] { return run(a); });
 }

@@ -2,9 +2,9 @@
 // every score with the true error of the feature tracker, and writes a table, pictures and JSON.
 
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <map>
 #include <set>
@@ -18,16 +18,15 @@
 #include <apso/quality/assessment.hpp>
 #include <apso/version.hpp>
 
+#include "track/command_line.hpp"
 #include "track/plots.hpp"
+#include "track/results.hpp"
 #include "track/run_folder.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 using json = nlohmann::json;
-
-constexpr int exit_bad_input = 1;
-constexpr int exit_usage = 2;
 
 /// A column of the table, turned so that high means bad.
 struct Score {
@@ -187,11 +186,12 @@ json per_run(const Runs& runs) {
       label.add(f.flagged(), labelled(f));
     }
     std::printf("%-28s %7d %7d %9s %9s %9s %9s\n", run.name.c_str(), n, bad,
-                shown(1e3 * run.median_rpe_1f, "%.2f").c_str(), shown(auc).c_str(), shown(label.recall()).c_str(),
+                run.with_pose == 0 ? "lost" : shown(1e3 * run.median_rpe_1f, "%.2f").c_str(), shown(auc).c_str(), shown(label.recall()).c_str(),
                 shown(label.false_alarm_rate()).c_str());
     rows.push_back({{"run", run.name},
                     {"frames", n},
                     {"failed", bad},
+                    {"lost", run.with_pose == 0},
                     {"median_error_1_frame", number(run.median_rpe_1f)},
                     {"auc", number(auc)},
                     {"flagged_inside", number(label.recall())},
@@ -200,10 +200,8 @@ json per_run(const Runs& runs) {
   return rows;
 }
 
-void plot_roc(const std::string& file, const Runs& runs) {
-  track::Gnuplot g;
-  g("set terminal pngcairo size 900,760 font 'sans,11' background rgb 'white'");
-  g("set output " + track::quoted(file));
+void plot_roc(const fs::path& file, const Runs& runs) {
+  track::Gnuplot g(file, 900, 760, 11);
   g("set title 'which score finds the frames where the feature tracker fails'; set size square; set grid lc rgb "
     "'#dddddd'");
   g("set xlabel 'false alarms / frames without failure'; set ylabel 'found / failures'; set key outside right "
@@ -221,9 +219,10 @@ void plot_roc(const std::string& file, const Runs& runs) {
   }
   g("plot [0:1][0:1] " + plots);
   for (const auto& rows : data) g.data(rows);
+  g.finish();
 }
 
-json plot_reliability(const std::string& file, const Runs& runs) {
+json plot_reliability(const fs::path& file, const Runs& runs) {
   const auto bins = apso::reliability(events(runs, scores()[0], failed), 12);
   json rows = json::array();
   std::vector<std::vector<double>> points;
@@ -231,9 +230,7 @@ json plot_reliability(const std::string& file, const Runs& runs) {
     rows.push_back({{"mean_score", b.mean_score}, {"failure_share", b.event_share}, {"frames", b.count}});
     points.push_back({b.mean_score, b.event_share, static_cast<double>(b.count)});
   }
-  track::Gnuplot g;
-  g("set terminal pngcairo size 760,640 font 'sans,11' background rgb 'white'");
-  g("set output " + track::quoted(file));
+  track::Gnuplot g(file, 760, 640, 11);
   g("set title 'how often the feature tracker failed at a given S_final'; set grid lc rgb '#dddddd'; set key top left");
   g("set xlabel '1 - S_final'; set ylabel 'share of failed frames'; set y2label 'frames'; set y2tics; set ytics "
     "nomirror");
@@ -242,15 +239,14 @@ json plot_reliability(const std::string& file, const Runs& runs) {
     "'-' using 1:2 with linespoints lw 2 pt 7 lc rgb '#1b6ca8' title 'failed'");
   g.data(points);
   g.data(points);
+  g.finish();
   return rows;
 }
 
 /// S_final over time with what is known about the frames, one strip per run, at most eight of them.
-void plot_timeline(const std::string& file, const Runs& runs) {
+void plot_timeline(const fs::path& file, const Runs& runs) {
   const std::size_t n = std::min<std::size_t>(8, runs.size());
-  track::Gnuplot g;
-  g("set terminal pngcairo size 1200," + std::to_string(60 + 190 * n) + " font 'sans,10' background rgb 'white'");
-  g("set output " + track::quoted(file));
+  track::Gnuplot g(file, 1200, static_cast<int>(60 + 190 * n), 10);
   g("set multiplot layout " + std::to_string(n) + ",1");
   g("set key outside right top noenhanced; set grid lc rgb '#dddddd'; set yrange [0:1.02]");
   for (std::size_t i = 0; i < n; ++i) {
@@ -277,53 +273,69 @@ void plot_timeline(const std::string& file, const Runs& runs) {
     g.data(s);
   }
   g("unset multiplot");
+  g.finish();
+}
+
+struct Arguments {
+  std::vector<std::string> folders;
+  std::string output;
+  double factor = 3;
+};
+
+int run(const Arguments& a) {
+  std::vector<track::Input> inputs;
+  for (const std::string& f : a.folders) {
+    inputs.push_back({"a run", f.substr(0, f.find('='))});
+    if (f.find('=') != std::string::npos) inputs.push_back({"a ground truth", f.substr(f.find('=') + 1)});
+  }
+  track::keep_apart(a.output, inputs);
+  Runs runs;
+  int problems = 0;
+  const auto problem = [&](const std::string& what) {
+    std::fprintf(stderr, "apso_assess: %s\n", what.c_str());
+    ++problems;
+  };
+  for (const std::string& f : a.folders) {
+    const auto eq = f.find('=');
+    try {
+      track::Run run = track::read_run(f.substr(0, eq), eq == std::string::npos ? "" : f.substr(eq + 1), a.factor);
+      if (run.frames.empty()) throw apso::io_error(f + ": frames.csv holds no frame");
+      if (!run.compared) problem(f + ": no frame can be compared with the ground truth, as the stamps do not meet or the numbers are too large");
+      runs.push_back(std::move(run));
+    } catch (const std::exception& e) {
+      problem(std::string(e.what()) + "; not in the table");
+    }
+  }
+  if (runs.empty()) return track::exit_bad_input;
+  track::ResultFolder out(a.output, {"roc.png", "reliability.png", "timeline.png", "assess.json"});
+  json result{{"version", APSO_VERSION}, {"failure_factor", a.factor}};
+  result["runs"] = per_run(runs);
+  result["scores"] = table_of_scores(runs);
+  result["decisions"] = decisions(runs);
+  plot_roc(out.file("roc.png"), runs);
+  result["reliability"] = plot_reliability(out.file("reliability.png"), runs);
+  plot_timeline(out.file("timeline.png"), runs);
+  track::write_json(out.file("assess.json"), result);
+  out.finish();
+  return problems == 0 ? 0 : track::exit_bad_input;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::vector<std::string> folders;
-  std::string output;
-  double factor = 3;
+  Arguments a;
   CLI::App app{
       "Compares the scores of finished runs of apso_track with the true error of its feature tracker. Use runs with\n"
       "--no-refinement to judge the prediction, runs with refinement to judge the correction.\n"
-      "Exit code: 0 done, 1 bad input, 2 wrong usage."};
+      "Exit code: 0 done, 1 bad input (the table holds what can be read), 2 wrong usage."};
   app.set_version_flag("--version", APSO_VERSION);
-  app.add_option("RUN", folders, "result folders of apso_track; FOLDER=FILE takes the ground truth from FILE")
+  app.add_option("RUN", a.folders, "result folders of apso_track; FOLDER=FILE takes the ground truth from FILE")
       ->required();
-  app.add_option("--output", output, "folder for assess.json, roc.png, reliability.png, timeline.png")->required();
-  app.add_option("--failure-factor", factor,
+  app.add_option("--output", a.output, "folder for assess.json, roc.png, reliability.png, timeline.png")->required()->check(track::not_empty());
+  app.add_option("--failure-factor", a.factor,
                  "a frame counts as failed if it is lost or its 1-frame error exceeds this multiple of the run's median")
-      ->check(CLI::PositiveNumber)
+      ->check(track::number_in(1e-9, 1e9))
       ->capture_default_str();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : exit_usage;
-  }
-  try {
-    Runs runs;
-    for (const std::string& f : folders) {
-      const auto eq = f.find('=');
-      runs.push_back(track::read_run(f.substr(0, eq), eq == std::string::npos ? "" : f.substr(eq + 1), factor));
-      if (runs.back().frames.empty()) throw apso::io_error(f + ": frames.csv holds no frame");
-    }
-    fs::create_directories(output);
-    json result{{"version", APSO_VERSION}, {"failure_factor", factor}};
-    result["runs"] = per_run(runs);
-    result["scores"] = table_of_scores(runs);
-    result["decisions"] = decisions(runs);
-    const fs::path out(output);
-    plot_roc((out / "roc.png").string(), runs);
-    result["reliability"] = plot_reliability((out / "reliability.png").string(), runs);
-    plot_timeline((out / "timeline.png").string(), runs);
-    std::ofstream file((out / "assess.json").string());
-    file << result.dump(2) << '\n';
-    if (!file) throw apso::io_error((out / "assess.json").string() + ": cannot write");
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "apso_assess: %s\n", e.what());
-    return exit_bad_input;
-  }
-  return 0;
+  std::signal(SIGPIPE, SIG_IGN);  // gnuplot may end before it has read everything
+  return track::run_main("apso_assess", app, argc, argv, [&] { return run(a); });
 }

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <map>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -16,7 +16,9 @@
 #include <apso/quality/calibration.hpp>
 #include <apso/version.hpp>
 
+#include "track/command_line.hpp"
 #include "track/config.hpp"
+#include "track/results.hpp"
 #include "track/run_folder.hpp"
 #include "track/sequence_list.hpp"
 
@@ -24,8 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int exit_bad_input = 1;
-constexpr int exit_usage = 2;
+constexpr const char* first_words = "# Found by apso_calibrate ";
 
 struct Arguments {
   std::vector<std::string> calm;
@@ -96,14 +97,29 @@ double share_below(const std::vector<double>& v, double limit) {
          static_cast<double>(v.size());
 }
 
+/// Throws io_error when the output is an input, or a file that apso_calibrate did not write.
+void check_output(const Arguments& a) {
+  std::vector<track::Input> inputs{{"--config", a.config}};
+  for (const auto* list : {&a.calm, &a.hard}) {
+    for (const std::string& s : *list) inputs.push_back({"a recording or a run", track::parse_sequence(s.substr(0, s.find('='))).arguments.front()});
+  }
+  track::keep_apart(a.output, inputs);
+  for (const track::Input& in : inputs) {  // finished runs may well be in the folder of runs
+    if (!fs::exists(fs::path(in.path) / "frames.csv")) track::keep_apart(a.work, {in});
+  }
+  std::string line;
+  std::ifstream before(a.output);
+  std::getline(before, line);
+  if (fs::exists(a.output) && line.rfind(first_words, 0) != 0) throw apso::io_error(a.output + ": is there, and apso_calibrate did not write it; take another name");
+}
+
 void write_config(const std::string& file, const Arguments& a, const track::Config& config) {
-  std::ofstream out(file);
-  out << "# Found by apso_calibrate " << APSO_VERSION << " on:\n";
+  std::ostringstream out;
+  out << first_words << APSO_VERSION << " on:\n";
   for (const std::string& s : a.calm) out << "#   calm " << s << '\n';
   for (const std::string& s : a.hard) out << "#   hard " << s << '\n';
   out << apso::write_parameters(config) << '\n';
-  out.flush();
-  if (!out) throw apso::io_error(file + ": cannot write");
+  track::write_file(file, out.str());
 }
 
 void tell(const std::string& what, double before, double after) {
@@ -138,8 +154,8 @@ void tell_changes(const apso::AssessorOptions& before, const apso::AssessorOptio
 }
 
 int run(const Arguments& a) {
-  track::Config config;
-  if (!a.config.empty()) apso::read_parameters(a.config, config);
+  check_output(a);
+  track::Config config = track::read_config(a.config);
   apso::AssessorOptions& o = config.pipeline.assessor;
   const auto calm_runs = runs_of(a.calm, a);
   const auto hard_runs = runs_of(a.hard, a);
@@ -194,7 +210,7 @@ int main(int argc, char** argv) {
   app.add_option("SEQUENCE", a.calm,
                  "calm recordings without people, with typical camera motion: they determine the scales and th_differ")
       ->required();
-  app.add_option("--output", a.output, "configuration file to write (YAML)")->required();
+  app.add_option("--output", a.output, "configuration file to write (YAML)")->required()->check(track::not_empty());
   app.add_option("--hard", a.hard, "recordings with ground truth in which tracking fails at times, for --fit-weights");
   app.add_flag("--fit-weights", a.fit_weights, "fit the weights of the scores to predict failure");
   app.add_flag("--keep-scales", a.keep_scales, "do not change the scales of the change scores");
@@ -202,17 +218,9 @@ int main(int argc, char** argv) {
   app.add_option("--work", a.work,
                  "folder for the runs (default: OUTPUT.runs); finished runs in it are reused");
   app.add_option("--jobs", a.jobs, "number of parallel runs")->check(CLI::Range(1, 256))->capture_default_str();
-  try {
-    app.parse(argc, argv);
+  app.callback([&] {
     if (a.fit_weights && a.hard.empty()) throw CLI::RequiredError("--fit-weights needs --hard");
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : exit_usage;
-  }
-  if (a.work.empty()) a.work = a.output + ".runs";
-  try {
-    return run(a);
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "apso_calibrate: %s\n", e.what());
-    return exit_bad_input;
-  }
+    if (a.work.empty()) a.work = a.output + ".runs";
+  });
+  return track::run_main("apso_calibrate", app, argc, argv, [&] { return run(a); });
 }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -14,6 +13,10 @@
 #include <apso/evaluation/ate.hpp>
 #include <apso/evaluation/rpe.hpp>
 #include <apso/io/tum_text.hpp>
+#include <apso/version.hpp>
+
+#include "track/command_line.hpp"
+#include "track/stamps.hpp"
 
 namespace {
 
@@ -95,16 +98,14 @@ Evaluation evaluate(const Arguments& a) {
   Evaluation e;
   const apso::Trajectory groundtruth = apso::read_trajectory(a.groundtruth, &e.warnings);
   const apso::Trajectory estimate = apso::read_trajectory(a.estimate, &e.warnings);
+  track::expect_seconds(groundtruth, a.groundtruth);
+  track::expect_seconds(estimate, a.estimate);
   e.ate = apso::ate(groundtruth, estimate, ate_options);
   if (!apso::succeeded(e.ate.status)) {
     const double limit = a.max_difference > 0 ? a.max_difference : apso::default_max_difference(ate_options.association);
-    char text[400];
-    std::snprintf(text, sizeof text,
-                  "%zu pair(s) of poses within %g s, need %d: the ground truth covers %.3f .. %.3f s, the estimate %.3f .. %.3f s",
-                  e.ate.pairs.size(), limit, a.align == "se3" ? 3 : 1, groundtruth.front().timestamp,
-                  groundtruth.back().timestamp, estimate.front().timestamp, estimate.back().timestamp);
-    throw std::runtime_error(text);
+    throw std::runtime_error(track::too_few_pairs(e.ate.pairs.size(), limit, a.align == "se3" ? 3 : 1, groundtruth, estimate));
   }
+  if (!std::isfinite(e.ate.statistics.rmse)) throw std::runtime_error("the error is not finite: positions are too far away");
   if (e.ate.status == apso::Status::Degenerate) {
     e.warnings.emplace_back("the positions lie on a line or in one point: the rotation of the alignment is not unique");
   }
@@ -143,7 +144,8 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  apso_eval groundtruth.txt estimate.txt\n"
       "  apso_eval groundtruth.txt estimate.txt --association evo --delta 1f --json\n"
-      "Exit status: 0 if the ATE could be computed, nonzero otherwise.");
+      "Exit code: 0 the ATE could be computed, 1 it could not, 2 wrong usage.");
+  app.set_version_flag("--version", APSO_VERSION);
   Arguments a;
   app.add_option("groundtruth", a.groundtruth, "Ground-truth trajectory")->required();
   app.add_option("estimate", a.estimate, "Estimated trajectory")->required();
@@ -156,10 +158,10 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--max-difference", a.max_difference,
                  "Largest timestamp difference of an ATE pair [s]; 0 = 0.02 (tum), 0.01 (evo)")
-      ->check(CLI::Range(0.0, 1e9))
+      ->check(track::number_in(0, 1e9))
       ->capture_default_str();
   app.add_option("--offset", a.offset, "Added to the timestamps of the estimate [s]")
-      ->check(CLI::Range(-1e12, 1e12))
+      ->check(track::number_in(-1e12, 1e12))
       ->capture_default_str();
   app.add_option("--delta", a.delta, "Interval of the RPE: a number with unit s, f (frames), m, rad or deg")
       ->capture_default_str();
@@ -167,15 +169,10 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"tum", "paper"}))
       ->capture_default_str();
   app.add_flag("--json", a.json, "Print JSON instead of a table");
-  CLI11_PARSE(app, argc, argv);
-
-  try {
+  return track::run_main("apso_eval", app, argc, argv, [&] {
     const Evaluation e = evaluate(a);
     for (const std::string& w : e.warnings) std::fprintf(stderr, "apso_eval: warning: %s\n", w.c_str());
     print(e, a);
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "apso_eval: error: %s\n", e.what());
-    return 1;
-  }
-  return 0;
+    return 0;
+  });
 }

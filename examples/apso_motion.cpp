@@ -3,28 +3,31 @@
 // trajectory error, and CPU time.
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 
 #include <apso/evaluation/ate.hpp>
 #include <apso/io/parameters.hpp>
+#include <apso/opencv/mask_image.hpp>
 #include <apso/version.hpp>
 
+#include "track/command_line.hpp"
 #include "track/config.hpp"
 #include "track/frame_source.hpp"
 #include "track/motion_report.hpp"
 #include "track/progress.hpp"
+#include "track/results.hpp"
 
 namespace {
 
@@ -114,7 +117,26 @@ struct Runner {
 
 double cpu_ms() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
-/// A sequence: synthetic:NAME, or FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with a folder of true masks named by timestamp.
+/// A sequence as it is called on the command line: synthetic:NAME, FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with a folder of true
+/// masks named by timestamp.
+struct SequenceText {
+  explicit SequenceText(const std::string& text) : folder(text) {
+    synthetic = text.rfind(prefix, 0) == 0;
+    if (synthetic) return;
+    const std::size_t first = text.find('@');
+    if (first == std::string::npos) throw apso::io_error(text + ": expected synthetic:NAME, FOLDER@CAMERA or FOLDER@CAMERA@MASKS");
+    const std::size_t second = text.find('@', first + 1);
+    folder = text.substr(0, first);
+    camera = text.substr(first + 1, second == std::string::npos ? second : second - first - 1);
+    if (second != std::string::npos) masks = text.substr(second + 1);
+  }
+  static constexpr const char* prefix = "synthetic:";
+  std::string folder;  ///< with the prefix if it is synthetic
+  bool synthetic = false;
+  std::string camera;
+  std::string masks;   ///< empty: none
+};
+
 struct Sequence {
   std::string name;
   std::unique_ptr<track::FrameSource> source;
@@ -122,11 +144,10 @@ struct Sequence {
   std::optional<apso::StampedFiles> masks;
 };
 
-Sequence open(const std::string& text, const Arguments& a) {
+Sequence open(const SequenceText& text, const Arguments& a) {
   Sequence s;
-  const std::string prefix = "synthetic:";
-  if (text.rfind(prefix, 0) == 0) {
-    s.name = text.substr(prefix.size());
+  if (text.synthetic) {
+    s.name = text.folder.substr(std::string(SequenceText::prefix).size());
     apso::testing::SyntheticOptions options;
     options.seed = a.seed;
     auto source = std::make_unique<track::SyntheticSource>(s.name, options);
@@ -134,14 +155,9 @@ Sequence open(const std::string& text, const Arguments& a) {
     s.source = std::move(source);
     return s;
   }
-  const std::size_t first = text.find('@');
-  if (first == std::string::npos) throw apso::io_error(text + ": expected synthetic:NAME, FOLDER@CAMERA or FOLDER@CAMERA@MASKS");
-  const std::size_t second = text.find('@', first + 1);
-  const std::string folder = text.substr(0, first);
-  const std::string camera = text.substr(first + 1, second == std::string::npos ? second : second - first - 1);
-  s.name = std::filesystem::path(folder).filename().string();
-  s.source = std::make_unique<track::RecordedSource>(folder, apso::camera_by_name(camera));
-  if (second != std::string::npos) s.masks.emplace(text.substr(second + 1), std::vector<std::string>{".png", ".pgm"});
+  s.name = std::filesystem::path(text.folder).filename().string();
+  s.source = std::make_unique<track::RecordedSource>(text.folder, apso::camera_by_name(text.camera));
+  if (!text.masks.empty()) s.masks.emplace(text.masks, std::vector<std::string>{".png", ".pgm"});
   return s;
 }
 
@@ -160,9 +176,16 @@ std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track
   track::LoadedFrame frame;
   track::ProgressLine progress;
   const int total = a.frames > 0 ? std::min(a.frames, s.source->size()) : s.source->size();
+  int skipped = 0;
+  int judged = 0;  // frames whose true mask is known
+  std::string problem;
   for (int k = 0; k < total; ++k) {
     const int i = a.reverse ? total - 1 - k : k;
-    if (s.source->load(i, frame)) continue;
+    if (const auto broken = s.source->load(i, frame)) {
+      ++skipped;
+      problem = *broken;
+      continue;
+    }
     if (a.reverse) frame.rgbd.timestamp = k / 30.0;
     truth.mask.release();
     if (s.synthetic != nullptr) {
@@ -170,8 +193,10 @@ std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track
       truth.mask = cv::Mat(instance.height(), instance.width(), CV_8U, const_cast<std::uint8_t*>(instance.data()));
     } else if (s.masks) {
       const std::string file = s.masks->at(frame.timestamp);
-      if (!file.empty()) truth.mask = cv::imread(file, cv::IMREAD_GRAYSCALE);
+      if (!file.empty()) truth.mask = apso::opencv::read_mask(file, frame.gray.size());
     }
+    const bool known = !s.masks || !truth.mask.empty();
+    judged += known ? 1 : 0;
     for (const auto& r : runners) {
       r->tracker.begin(frame.gray, frame.rgbd);
       const auto prior = r->tracker.estimate(r->mask.probability);
@@ -187,48 +212,58 @@ std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track
       r->score.ms += spent;
       r->poses.push_back({frame.timestamp, pose});
       // with a single pair only the second frame has a past
-      if (total > 2 || k > 0) r->score.judge(r->mask, truth.mask);
+      if (known && (total > 2 || k > 0)) r->score.judge(r->mask, truth.mask);
     }
     progress.show(k + 1, total, s.name);
   }
   progress.end();
+  if (skipped == total) throw apso::io_error(s.name + ": no frame can be read, e.g. " + problem);
+  if (judged == 0) throw apso::io_error(s.name + ": no true mask is named by the timestamp of a frame");
+  if (skipped > 0) std::fprintf(stderr, "warning: %s: %d of %d frames skipped, e.g. %s\n", s.name.c_str(), skipped, total, problem.c_str());
+  if (judged < total - skipped) std::fprintf(stderr, "warning: %s: %d of %d frames have a true mask, the others are not judged\n", s.name.c_str(), judged, total - skipped);
+  const bool evaluated = !s.source->groundtruth().empty() && total > 20 && !a.reverse;
   std::vector<track::MotionScore> scores;
   for (const auto& r : runners) {
-    if (!s.source->groundtruth().empty() && total > 20 && !a.reverse) {
+    if (evaluated) {
       apso::AteOptions ate_options;
       ate_options.association = apso::AssociationRule::Evo;
       const apso::AteResult ate = apso::ate(s.source->groundtruth(), r->poses, ate_options);
-      if (succeeded(ate.status)) r->score.ate = ate.statistics.rmse;
+      if (succeeded(ate.status) && std::isfinite(ate.statistics.rmse)) r->score.ate = ate.statistics.rmse;
     }
     r->score.ms /= std::max(1, r->score.frames);
     scores.push_back(r->score);
   }
+  if (evaluated && scores.front().ate < 0) std::fprintf(stderr, "warning: %s: the ground truth cannot be compared, no ATE\n", s.name.c_str());
   return scores;
 }
 
-int main_program(const Arguments& a) {
-  track::Config config;
-  if (!a.config.empty()) apso::read_parameters(a.config, config);
-  std::ofstream csv;
-  if (!a.csv.empty()) {
-    csv.open(a.csv);
-    if (!csv) throw apso::io_error(a.csv + ": cannot write");
-    csv << "sequence,policy,frames,frames_with_people,iou,recall,false_share,worst_false_share,ate_m,ms_per_frame\n";
+int run_all(const Arguments& a) {
+  const track::Config config = track::read_config(a.config);
+  std::ostringstream csv;
+  csv << "sequence,policy,frames,frames_with_people,iou,recall,false_share,worst_false_share,ate_m,ms_per_frame\n";
+  const std::vector<SequenceText> sequences(a.sequences.begin(), a.sequences.end());
+  const auto write_csv = [&] {
+    if (!a.csv.empty()) track::write_file(a.csv, csv.str());
+  };
+  for (const SequenceText& s : sequences) {
+    if (!a.csv.empty()) track::keep_apart(a.csv, {{"the recording", s.folder}, {"a folder of true masks", s.masks}, {"--config", a.config}});
   }
+  write_csv();  // tells now whether it can be written
   std::vector<track::MeasuredSequence> all;
-  for (const std::string& text : a.sequences) {
+  for (const SequenceText& text : sequences) {
     Sequence s = open(text, a);
     track::MeasuredSequence m;
     m.name = s.name;
     m.kind = s.synthetic == nullptr ? track::SequenceKind::Recorded : s.name.rfind("walking", 0) == 0 ? track::SequenceKind::Walking : track::SequenceKind::Static;
     m.scores = run(s, a, config);
     track::print_table(m.name, a.policies, m.scores);
-    for (std::size_t i = 0; i < m.scores.size() && csv; ++i) {
+    for (std::size_t i = 0; i < m.scores.size(); ++i) {
       const track::MotionScore& c = m.scores[i];
       const double n = std::max(1, c.with_people);
       csv << m.name << ',' << a.policies[i] << ',' << c.frames << ',' << c.with_people << ',' << c.iou / n << ',' << c.recall / n
-          << ',' << c.false_share / std::max(1, c.frames) << ',' << c.worst << ',' << c.ate << ',' << c.ms << std::endl;
+          << ',' << c.false_share / std::max(1, c.frames) << ',' << c.worst << ',' << c.ate << ',' << c.ms << '\n';
     }
+    write_csv();  // what is computed is kept, whatever happens next
     all.push_back(std::move(m));
   }
   if (all.size() > 1) track::print_overview(all, a.policies);
@@ -242,7 +277,7 @@ int main(int argc, char** argv) {
   CLI::App app{
       "Compares motion policies on recordings: IoU and recall of the mask (frames in which people cover 1 % or more), share\n"
       "of static pixels marked as dynamic (mean, worst frame), trajectory error of a feature tracker that uses the mask,\n"
-      "and CPU time per frame. Prints Markdown tables.\n"
+      "and CPU time per frame. Prints Markdown tables. Exit code: 0 done, 1 bad input, 2 wrong usage.\n"
       "In addition to the policies of apso_track there are 'truth' (the true mask) and 'boxes' (boxes of the true instances)."};
   app.set_version_flag("--version", APSO_VERSION);
   app.add_option("SEQUENCE", a.sequences, "synthetic:NAME, FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with true masks named by timestamp\n"
@@ -255,18 +290,8 @@ int main(int argc, char** argv) {
   app.add_option("--seed", a.seed, "of the synthetic sequences")->capture_default_str();
   app.add_option("--config", a.config, "YAML file with options, as for apso_track; those of the policies and of the tracker count");
   app.add_option("--model", a.model, "ONNX file, for the policy 'dnn'");
-  app.add_option("--csv", a.csv, "also write all figures to this CSV file");
+  app.add_option("--csv", a.csv, "also write all figures to this CSV file")->check(track::not_empty());
   app.add_flag("--reverse", a.reverse, "play the sequences backwards");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
   cv::setNumThreads(1);
-  try {
-    return main_program(a);
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "apso_motion: %s\n", e.what());
-    return 1;
-  }
+  return track::run_main("apso_motion", app, argc, argv, [&] { return run_all(a); });
 }

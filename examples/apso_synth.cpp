@@ -3,12 +3,11 @@
 
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
+#include <sstream>
 #include <string>
 
 #include <CLI/CLI.hpp>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include <apso/evaluation/trajectory.hpp>
@@ -16,34 +15,30 @@
 #include <apso/testing/synthetic.hpp>
 #include <apso/version.hpp>
 
+#include "track/command_line.hpp"
 #include "track/progress.hpp"
+#include "track/results.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int exit_bad_input = 1;
-constexpr int exit_usage = 2;
 constexpr double depth_scale = 5000;  // units per metre, as in the TUM recordings
 
-void write_image(const fs::path& file, const cv::Mat& image) {
-  if (!cv::imwrite(file.string(), image)) throw apso::io_error(file.string() + ": cannot write");
-}
-
 void write_camera(const fs::path& file, const std::string& name, const apso::Pinhole& c) {
-  std::ofstream out(file);
+  std::ostringstream out;
   out.precision(10);
   out << "name: " << name << "\nfx: " << c.fx << "\nfy: " << c.fy << "\ncx: " << c.cx << "\ncy: " << c.cy << "\nwidth: " << c.width
       << "\nheight: " << c.height << "\ndepth_scale: " << depth_scale << '\n';
-  if (!out) throw apso::io_error(file.string() + ": cannot write");
+  track::write_file(file, out.str());
 }
 
-int run(const std::string& name, const fs::path& out, const apso::testing::SyntheticOptions& options, bool quiet) {
+int run(const std::string& name, const std::string& output, const apso::testing::SyntheticOptions& options, bool quiet) {
   const apso::testing::SyntheticSequence sequence(name, options);
-  for (const char* folder : {"rgb", "depth", "masks"}) fs::create_directories(out / folder);
-  std::ofstream rgb(out / "rgb.txt");
-  std::ofstream depth(out / "depth.txt");
-  std::ofstream associations(out / "associations.txt");
+  track::ResultFolder out(output, {"rgb.txt", "depth.txt", "associations.txt", "groundtruth.txt", "camera.yaml"});
+  std::ostringstream rgb;
+  std::ostringstream depth;
+  std::ostringstream associations;
   apso::Trajectory truth;
   apso::testing::SyntheticFrame frame;
   cv::Mat bgr;
@@ -57,10 +52,10 @@ int run(const std::string& name, const fs::path& out, const apso::testing::Synth
     std::snprintf(stamp, sizeof stamp, "%.6f", frame.timestamp);
     const std::string file = std::string(stamp) + ".png";
     cv::cvtColor(cv::Mat(h, w, CV_8UC3, frame.rgb.data()), bgr, cv::COLOR_RGB2BGR);
-    write_image(out / "rgb" / file, bgr);
+    track::write_image(out.file("rgb/" + file), bgr);
     cv::Mat(h, w, CV_32FC1, frame.depth.data()).convertTo(units, CV_16UC1, depth_scale);
-    write_image(out / "depth" / file, units);
-    write_image(out / "masks" / file, cv::Mat(h, w, CV_8UC1, frame.instance.data()) != 0);
+    track::write_image(out.file("depth/" + file), units);
+    track::write_image(out.file("masks/" + file), cv::Mat(h, w, CV_8UC1, frame.instance.data()) != 0);
     rgb << stamp << " rgb/" << file << '\n';
     depth << stamp << " depth/" << file << '\n';
     associations << stamp << " rgb/" << file << ' ' << stamp << " depth/" << file << '\n';
@@ -68,12 +63,15 @@ int run(const std::string& name, const fs::path& out, const apso::testing::Synth
     progress.show(i + 1, sequence.size(), "frames");
   }
   progress.end();
-  if (!rgb || !depth || !associations) throw apso::io_error(out.string() + ": cannot write the lists of images");
-  apso::write_trajectory((out / "groundtruth.txt").string(), truth);
-  write_camera(out / "camera.yaml", name, sequence.camera());
+  track::write_file(out.file("rgb.txt"), rgb.str());
+  track::write_file(out.file("depth.txt"), depth.str());
+  track::write_file(out.file("associations.txt"), associations.str());
+  apso::write_trajectory(out.file("groundtruth.txt").string(), truth);
+  write_camera(out.file("camera.yaml"), name, sequence.camera());
+  out.finish();
   std::printf("%d frames in %s: rgb/, depth/ (16 bit, %.0f units per metre), masks/ (255 = a person), groundtruth.txt\n"
               "track them: apso_track %s --camera %s --output DIR\n",
-              sequence.size(), out.string().c_str(), depth_scale, out.string().c_str(), (out / "camera.yaml").string().c_str());
+              sequence.size(), output.c_str(), depth_scale, output.c_str(), (fs::path(output) / "camera.yaml").string().c_str());
   return 0;
 }
 
@@ -88,22 +86,12 @@ int main(int argc, char** argv) {
                "Exit code: 0 done, 1 bad input, 2 wrong usage."};
   app.set_version_flag("--version", APSO_VERSION);
   app.add_option("NAME", name, "what to record")->required()->check(CLI::IsMember(apso::testing::SyntheticSequence::names()));
-  app.add_option("--output", output, "folder for the recording")->required();
+  app.add_option("--output", output, "folder for the recording; one that apso_synth made before is replaced")->required()->check(track::not_empty());
   app.add_option("--frames", options.frames, "length at 30 Hz")->check(CLI::Range(1, 1000000))->capture_default_str();
   app.add_option("--seed", options.seed, "room, people, path and noise depend on it")->capture_default_str();
   app.add_option("--people", options.people, "walking people, in recordings named walking_*")
       ->check(CLI::Range(0, 3))
       ->capture_default_str();
   app.add_flag("--quiet", quiet, "no progress");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : exit_usage;
-  }
-  try {
-    return run(name, output, options, quiet);
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "apso_synth: %s\n", e.what());
-    return exit_bad_input;
-  }
+  return track::run_main("apso_synth", app, argc, argv, [&] { return run(name, output, options, quiet); });
 }

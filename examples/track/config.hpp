@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdio>
+#include <filesystem>
 #include <map>
 #include <string>
 
@@ -27,6 +28,15 @@ struct Config {
     v("soft_weights", s.soft_weights);
   }
 };
+
+/// The settings of a YAML file; the default ones without a file. Throws io_error naming file, line and field.
+inline Config read_config(const std::string& file) {
+  Config config;
+  if (file.empty()) return config;
+  if (std::filesystem::is_directory(file)) throw apso::io_error(file + ": is a folder, expected a YAML file with settings");
+  apso::read_parameters(file, config);
+  return config;
+}
 
 /// Prints every setting with its value and range, and how many there are in each group.
 inline void print_settings(const Config& config) {

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,6 +31,7 @@ class DegradedSource final : public FrameSource {
   const apso::Trajectory& groundtruth() const override { return source_->groundtruth(); }
   const std::vector<std::string>& warnings() const override { return source_->warnings(); }
   double timestamp(int i) const override { return source_->timestamp(i); }
+  std::set<std::string> folders() const override { return source_->folders(); }
   std::string label(int i) const override { return degraded(i) ? kind_ : source_->label(i); }
 
   std::optional<std::string> load(int i, LoadedFrame& out) override {

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -18,6 +19,8 @@
 #include <apso/io/tum_text.hpp>
 #include <apso/opencv/adapters.hpp>
 #include <apso/opencv/cameras.hpp>
+#include <apso/opencv/detectors/precomputed_motion.hpp>
+#include <apso/opencv/mask_image.hpp>
 #include <apso/opencv/rgbd_sequence.hpp>
 #include <apso/testing/synthetic.hpp>
 
@@ -43,6 +46,13 @@ class FrameSource {
   [[nodiscard]] virtual const apso::Trajectory& groundtruth() const = 0;
   [[nodiscard]] virtual const std::vector<std::string>& warnings() const = 0;
   [[nodiscard]] virtual double timestamp(int i) const = 0;
+  [[nodiscard]] std::vector<double> timestamps() const {
+    std::vector<double> all;
+    for (int i = 0; i < size(); ++i) all.push_back(timestamp(i));
+    return all;
+  }
+  /// Folders of its images, which links may place outside of the recording; none without files.
+  [[nodiscard]] virtual std::set<std::string> folders() const { return {}; }
   /// Known difficulty of frame i; empty if none is known.
   [[nodiscard]] virtual std::string label(int) const { return {}; }
 };
@@ -104,6 +114,13 @@ class RecordedSource final : public FrameSource {
   const apso::Trajectory& groundtruth() const override { return truth_; }
   const std::vector<std::string>& warnings() const override { return warnings_; }
   double timestamp(int i) const override { return sequence_.timestamp(i); }
+  std::set<std::string> folders() const override {
+    std::set<std::string> all;
+    for (int i = 0; i < size(); ++i) {
+      for (const std::string& file : {sequence_.colour_path(i), sequence_.depth_path(i)}) all.insert(std::filesystem::path(file).parent_path().string());
+    }
+    return all;
+  }
 
  private:
   apso::opencv::RgbdSequence sequence_;
@@ -120,16 +137,18 @@ class MaskFolder {
       throw apso::io_error(folder_ + ": no such folder; expected one PNG per frame, named by the colour image's timestamp");
     }
   }
-  /// Loads the mask of a frame; returns the reason if there is no suitable one.
-  std::optional<std::string> load(const std::string& name, const cv::Size& size, cv::Mat& mask) const {
+  /// The mask of a frame; empty without one that fits.
+  cv::Mat load(const std::string& name, const cv::Size& size, apso::opencv::FileUse& use) const {
     const std::string file = (std::filesystem::path(folder_) / (name + ".png")).string();
-    mask = std::filesystem::exists(file) ? cv::imread(file, cv::IMREAD_GRAYSCALE) : cv::Mat();
-    if (mask.empty()) return file + ": no readable mask; the frame is tracked without it";
-    if (mask.size() != size) {
-      mask.release();
-      return file + ": the mask differs in size from the images; the frame is tracked without it";
+    if (!std::filesystem::exists(file)) return {};
+    try {
+      cv::Mat mask = apso::opencv::read_mask(file, size);
+      ++use.masks;
+      return mask;
+    } catch (const apso::io_error& e) {
+      use.problems.emplace_back(e.what());
+      return {};
     }
-    return std::nullopt;
   }
 
  private:

@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -33,11 +35,24 @@ struct Timing {
   [[nodiscard]] double total() const { return features + observe + assess + refine + map; }  ///< without loading
 };
 
+/// Milliseconds since the last call.
+class Stopwatch {
+ public:
+  double lap() {
+    const auto now = std::chrono::steady_clock::now();
+    const double ms = std::chrono::duration<double, std::milli>(now - last_).count();
+    last_ = now;
+    return ms;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
 /// One row per frame; an absent score is an empty field.
 class FrameTable {
  public:
-  explicit FrameTable(const std::string& file) : stream_(file) {
-    if (!stream_) throw apso::io_error(file + ": cannot write");
+  explicit FrameTable(std::string file) : file_(std::move(file)), stream_(file_) {
     stream_ << "frame,timestamp,state,label,";
     const auto name_column = [this](const std::string& name, auto&&...) { stream_ << name << ','; };
     apso::for_each_frame_score(apso::Assessment{}, name_column);
@@ -50,6 +65,7 @@ class FrameTable {
                "iterations,ms_load,ms_features,ms_observe,ms_assess,ms_refine,ms_map,ms_total,";
     apso::for_each_measurement(apso::Assessment{}, name_column);
     stream_ << "explanation\n";
+    flush();
   }
 
   template <class FeatureResult>
@@ -106,10 +122,14 @@ class FrameTable {
     apso::for_each_measurement(a, [this](const std::string&, double value) { put(value); });
     text("\"" + explain(a) + "\"");
     stream_ << '\n';
-    stream_.flush();  // what is computed is kept, whatever happens next
+    flush();  // what is computed is kept, whatever happens next
   }
 
  private:
+  void flush() {
+    stream_.flush();
+    if (!stream_) throw apso::io_error(file_ + ": cannot write (disk full?)");
+  }
   void text(const std::string& s) {
     if (!first_) stream_ << ',';
     first_ = false;
@@ -126,6 +146,7 @@ class FrameTable {
     optional(s.has_value(), s ? s->value() : 0.0);
   }
 
+  std::string file_;
   std::ofstream stream_;
   bool first_ = true;
 };

@@ -17,12 +17,14 @@
 #include <apso/evaluation/ate.hpp>
 #include <apso/pipeline/report.hpp>
 
+#include "results.hpp"
+
 namespace track {
 
-/// Selects every n-th frame and the first frame of each BAD or LOST run, up to a maximum.
+/// Selects every n-th frame and the first frame of each BAD or LOST run, up to a maximum, and writes their pictures.
 class OverlayChooser {
  public:
-  explicit OverlayChooser(std::filesystem::path folder) : folder_(std::move(folder)) {}
+  explicit OverlayChooser(ResultFolder& folder) : folder_(&folder) {}
 
   template <class Draw>
   void offer(int frame, int total, const apso::FrameReport& report, Draw&& draw) {
@@ -35,13 +37,13 @@ class OverlayChooser {
     const cv::Mat picture = draw();
     char name[32];
     std::snprintf(name, sizeof name, "%06d.png", frame);
-    cv::imwrite((folder_ / name).string(), picture);
+    write_image(folder_->file(std::string("overlays/") + name), picture);
     cv::Mat small;
     cv::resize(picture, small, {}, 0.5, 0.5, cv::INTER_AREA);
     tiles_.push_back(small);
   }
 
-  /// Writes the contact sheet next to the folder of overlays.
+  /// Writes the contact sheet.
   void finish() const {
     if (tiles_.empty()) return;
     constexpr std::size_t columns = 4;
@@ -56,20 +58,24 @@ class OverlayChooser {
     }
     cv::Mat sheet;
     cv::vconcat(rows, sheet);
-    cv::imwrite((folder_.parent_path() / "contact_sheet.png").string(), sheet);
+    write_image(folder_->file("contact_sheet.png"), sheet);
   }
 
  private:
   static constexpr int regular = 12;       // pictures at regular intervals
   static constexpr int max_problems = 12;  // pictures of BAD or LOST runs
-  std::filesystem::path folder_;
+  ResultFolder* folder_;
   std::vector<cv::Mat> tiles_;
   int problems_ = 0;
   bool was_problem_ = false;
 };
 
 /// Trajectory, scores and contact sheet in one picture.
-inline void write_overview(const std::filesystem::path& out) {
+inline void write_overview(ResultFolder& folder) {
+  const std::filesystem::path& out = folder.unfinished();
+  for (const char* part : {"scores.png", "trajectory.png", "contact_sheet.png"}) {
+    if (!std::filesystem::exists(out / part)) return;
+  }
   const cv::Mat scores = cv::imread((out / "scores.png").string());
   const cv::Mat trajectory = cv::imread((out / "trajectory.png").string());
   cv::Mat sheet = cv::imread((out / "contact_sheet.png").string());
@@ -81,7 +87,7 @@ inline void write_overview(const std::filesystem::path& out) {
   cv::resize(sheet, sheet, {top.cols, sheet.rows * top.cols / sheet.cols}, 0, 0, cv::INTER_AREA);
   cv::Mat page;
   cv::vconcat(top, sheet, page);
-  cv::imwrite((out / "overview.png").string(), page);
+  write_image(folder.file("overview.png"), page);
 }
 
 /// Ground truth moved into the frame of the estimate, for plotting; empty if too few poses match.

@@ -2,26 +2,85 @@
 /// The two plots of a run, drawn by gnuplot from data written through a pipe.
 #pragma once
 
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <memory>
 #include <string>
+#include <system_error>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Geometry>
 
 #include <apso/evaluation/trajectory.hpp>
+#include <apso/io/tum_text.hpp>
 #include <apso/pipeline/report.hpp>
 
 namespace track {
 
-/// A pipe to gnuplot; writes nothing when gnuplot is not installed.
+/// In single quotes for gnuplot. Control characters, which could end the line, become '?'.
+inline std::string quoted(const std::string& text) {
+  std::string s = "'";
+  for (char c : text) {
+    s += std::iscntrl(static_cast<unsigned char>(c)) != 0 ? '?' : c;
+    if (c == '\'') s += c;
+  }
+  return s + "'";
+}
+
+/// A picture that gnuplot draws from what is written to it through a pipe. Without gnuplot there is no picture.
 class Gnuplot {
  public:
-  Gnuplot() : pipe_(popen("gnuplot >/dev/null 2>&1", "w"), &pclose) {}
+  /// \param file the picture, PNG
+  /// \param width, height [px]
+  Gnuplot(std::filesystem::path file, int width, int height, int font) : file_(std::move(file)) {
+    int ends[2];
+    if (::pipe2(ends, O_CLOEXEC) != 0) throw apso::io_error("gnuplot: no pipe to it can be made");
+    char program[] = "gnuplot";
+    char* arguments[] = {program, nullptr};
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, ends[0], STDIN_FILENO);
+    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, file_.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+    posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+    if (::posix_spawnp(&child_, program, &actions, nullptr, arguments, environ) != 0) child_ = -1;
+    posix_spawn_file_actions_destroy(&actions);
+    ::close(ends[0]);
+    pipe_.reset(::fdopen(ends[1], "w"));
+    (*this)("set terminal pngcairo size " + std::to_string(width) + "," + std::to_string(height) + " font 'sans," + std::to_string(font) +
+            "' background rgb 'white'");
+  }
+  ~Gnuplot() { (void)wait(); }
+  Gnuplot(const Gnuplot&) = delete;
+  Gnuplot& operator=(const Gnuplot&) = delete;
+
   void operator()(const std::string& text) const {
-    if (pipe_) std::fputs((text + "\n").c_str(), pipe_.get());
+    if (child_ > 0) std::fputs((text + "\n").c_str(), pipe_.get());
+  }
+  /// Waits for the picture. Throws io_error when it was drawn and cannot be written; tells when it was not drawn.
+  void finish() {
+    const bool installed = child_ > 0;
+    const int status = wait();
+    if (!installed || status != 0) {
+      std::fprintf(stderr, "warning: %s: not drawn, %s\n", file_.c_str(), installed ? "gnuplot failed" : "gnuplot cannot be started");
+      std::error_code ignored;
+      std::filesystem::remove(file_, ignored);
+      return;
+    }
+    std::ifstream picture(file_, std::ios::binary);
+    const std::string bytes{std::istreambuf_iterator<char>(picture), {}};
+    const bool whole = bytes.size() > 8 && bytes.compare(bytes.size() - 8, 4, "IEND") == 0;  // the last chunk of a PNG
+    if (!whole) throw apso::io_error(file_.string() + ": cannot write (disk full?)");
   }
   /// Inline data of a `plot '-'`: rows of numbers; a row with a NaN breaks the line.
   void data(const std::vector<std::vector<double>>& rows) const {
@@ -40,14 +99,18 @@ class Gnuplot {
   }
 
  private:
-  std::unique_ptr<FILE, int (*)(FILE*)> pipe_;
-};
+  int wait() {
+    pipe_.reset();
+    int status = 0;
+    if (child_ > 0) ::waitpid(child_, &status, 0);
+    child_ = -1;
+    return status;
+  }
 
-inline std::string quoted(const std::string& path) {
-  std::string s = "'";
-  for (char c : path) s += c == '\'' ? std::string("''") : std::string(1, c);
-  return s + "'";
-}
+  std::filesystem::path file_;
+  pid_t child_ = -1;
+  std::unique_ptr<FILE, int (*)(FILE*)> pipe_{nullptr, &std::fclose};
+};
 
 /// The part of space that trajectories cover: the two axes along which they extend most, and a square around them.
 class BestView {
@@ -84,11 +147,10 @@ class BestView {
 };
 
 /// Trajectories in the plane of their largest extent, and over time.
-inline void plot_trajectory(const std::string& file, const apso::Trajectory& truth, const apso::Trajectory& features,
+inline void plot_trajectory(const std::filesystem::path& file, const apso::Trajectory& truth, const apso::Trajectory& features,
                             const apso::Trajectory& final_poses, const std::string& title) {
-  Gnuplot g;
-  g("set terminal pngcairo size 900,1000 font 'sans,11' background rgb 'white'");
-  g("set output " + quoted(file));
+  if (features.empty() && final_poses.empty()) return;
+  Gnuplot g(file, 900, 1000, 11);
   g("set multiplot layout 2,1");
   g("set title " + quoted(title) + " noenhanced");
   g("set grid lc rgb '#dddddd'; set key outside right top");
@@ -132,14 +194,13 @@ inline void plot_trajectory(const std::string& file, const apso::Trajectory& tru
   }
   for (int i = 0; i < 3; ++i) g.data(rows(final_poses, true));
   g("unset multiplot");
+  g.finish();
 }
 
 /// Scores and the verdict over time.
-inline void plot_scores(const std::string& file, const std::vector<apso::FrameReport>& reports, const std::string& title) {
+inline void plot_scores(const std::filesystem::path& file, const std::vector<apso::FrameReport>& reports, const std::string& title) {
   if (reports.empty()) return;
-  Gnuplot g;
-  g("set terminal pngcairo size 1100,760 font 'sans,11' background rgb 'white'");
-  g("set output " + quoted(file));
+  Gnuplot g(file, 1100, 760, 11);
   g("set multiplot layout 3,1 title " + quoted(title) + " noenhanced");
   g("set grid lc rgb '#dddddd'; set key outside right top noenhanced; set yrange [0:1.02]; set ylabel 'score'");
   const double t0 = reports.front().timestamp;
@@ -181,6 +242,7 @@ inline void plot_scores(const std::string& file, const std::vector<apso::FrameRe
   score_lines(of_change);
   g.data(column([](const auto& f) { return f.assessment.dynamic_ratio; }));
   g("unset multiplot");
+  g.finish();
 }
 
 }  // namespace track

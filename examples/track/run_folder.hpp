@@ -16,6 +16,9 @@
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/io/tum_text.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/quality/assessment.hpp>
+
+#include "stamps.hpp"
 
 namespace track {
 
@@ -43,6 +46,8 @@ struct Run {
   std::map<std::string, std::size_t> column;
   std::vector<RunFrame> frames;
   double median_rpe_1f = kNone;  ///< [m]
+  int with_pose = 0;             ///< frames that are not LOST
+  bool compared = true;          ///< false: there is ground truth, and no frame could be compared with it
   [[nodiscard]] double at(const RunFrame& f, const std::string& name_of_column) const {
     const auto c = column.find(name_of_column);
     return c == column.end() ? kNone : f.value[c->second];
@@ -115,16 +120,24 @@ inline Run read_run(const std::string& folder, const std::string& groundtruth = 
     }
     f.timestamp = run.at(f, "timestamp");
     f.state = fields[run.column["state"]];
+    const auto known = enum_names(apso::SceneState{});
+    if (std::find(known.begin(), known.end(), f.state) == known.end()) {
+      throw apso::io_error(table + ":" + std::to_string(number) + ": the state is '" + f.state + "', expected INITIALISING, GOOD, BAD or LOST");
+    }
     f.label = fields[run.column["label"]];
     f.lost = run.at(f, "feature_ok") == 0;
     run.frames.push_back(std::move(f));
   }
 
+  const auto count = [&](auto&& has) { return std::count_if(run.frames.begin(), run.frames.end(), has); };
+  run.with_pose = static_cast<int>(count([](const RunFrame& f) { return f.state != "LOST"; }));
   const std::string truth_file = groundtruth.empty() ? (fs::path(folder) / "groundtruth.txt").string() : groundtruth;
   if (groundtruth.empty() && !fs::exists(truth_file)) return run;  // decisions without truth
   const apso::Trajectory truth = apso::read_trajectory(truth_file);
-  const apso::Trajectory features = apso::read_trajectory((fs::path(folder) / "trajectory_features.txt").string());
-  const apso::Trajectory finals = apso::read_trajectory((fs::path(folder) / "trajectory.txt").string());
+  expect_seconds(truth, truth_file);
+  const auto poses = [&](const char* file, bool any) { return any ? apso::read_trajectory((fs::path(folder) / file).string()) : apso::Trajectory{}; };
+  const apso::Trajectory features = poses("trajectory_features.txt", count([](const RunFrame& f) { return !f.lost; }) > 0);
+  const apso::Trajectory finals = poses("trajectory.txt", run.with_pose > 0);
   constexpr double same = 1e-5;   // between files of one run [s]
   constexpr double close = 0.02;  // to the ground truth [s]
   const auto difference = [&](const apso::Pose& a0, const apso::Pose& a1, double t0, double t1) {
@@ -163,6 +176,7 @@ inline Run read_run(const std::string& folder, const std::string& groundtruth = 
     }
   }
   run.median_rpe_1f = median_of(errors);
+  run.compared = !(features.size() > 1 && std::isnan(run.median_rpe_1f));
   for (RunFrame& f : run.frames) f.failed = f.lost || f.rpe_1f > failure_factor * run.median_rpe_1f;
   return run;
 }

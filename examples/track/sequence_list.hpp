@@ -13,6 +13,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <mutex>
 #include <sstream>
@@ -20,7 +21,11 @@
 #include <thread>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
 #include <apso/io/tum_text.hpp>
+
+#include "command_line.hpp"
 
 namespace track {
 
@@ -88,9 +93,11 @@ struct Job {
   std::vector<std::string> arguments;  ///< of apso_track, without --output and --quiet
 };
 
-/// A run is complete if it has a summary, which apso_track writes last. Runs are made in a temporary folder that is renamed at the
-/// end, so an interrupted run never looks complete.
-inline bool complete(const std::filesystem::path& folder) { return std::filesystem::exists(folder / "summary.json"); }
+/// A run is complete if it has a summary that can be read, which apso_track writes last, and that tells of no failure.
+inline bool complete(const std::filesystem::path& folder) {
+  const auto summary = nlohmann::json::parse(std::ifstream(folder / "summary.json"), nullptr, false);
+  return summary.is_object() && !summary.contains("failure");
+}
 
 /// Makes the runs that are not complete, `workers` at a time, and prints progress. \return one message per failed run
 inline std::vector<std::string> run_jobs(const std::vector<Job>& jobs, int workers, const char* title) {
@@ -105,25 +112,19 @@ inline std::vector<std::string> run_jobs(const std::vector<Job>& jobs, int worke
       const Job& job = jobs[i];
       const bool had = complete(job.folder);
       int code = 0;
-      const fs::path part = job.folder.string() + ".part";
+      const std::string log = (job.folder / "log.txt").string();
       if (!had) {
-        fs::remove_all(part);
-        fs::remove_all(job.folder);
-        fs::create_directories(part);
+        fs::create_directories(job.folder);
         std::vector<std::string> command{program};
         command.insert(command.end(), job.arguments.begin(), job.arguments.end());
-        command.insert(command.end(), {"--quiet", "--output", part.string()});
-        code = run_program(command, (part / "log.txt").string());
-        // 3: no frame got a pose, which is a result
-        if (code == 0 || code == 3) fs::rename(part, job.folder);
+        command.insert(command.end(), {"--quiet", "--output", job.folder.string()});
+        code = run_program(command, log);
       }
+      const bool failed = code != 0 && code != exit_no_pose;
       const std::lock_guard<std::mutex> guard(lock);
-      if (code != 0 && code != 3) {
-        problems.push_back(job.folder.string() + ": apso_track ended with " + std::to_string(code) + ", see " +
-                           (part / "log.txt").string());
-      }
+      if (failed) problems.push_back(job.folder.string() + ": apso_track ended with " + std::to_string(code) + ", see " + log);
       std::fprintf(stderr, "%s %d/%zu  %s%s\n", title, ++done, jobs.size(), job.folder.filename().string().c_str(),
-                   had ? " (was done)" : (code != 0 && code != 3 ? " FAILED" : ""));
+                   had ? " (was done)" : (failed ? " FAILED" : ""));
     }
   };
   std::vector<std::thread> threads;

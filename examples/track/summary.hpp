@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -12,10 +13,12 @@
 #include <apso/evaluation/ate.hpp>
 #include <apso/evaluation/rpe.hpp>
 #include <apso/evaluation/trajectory.hpp>
+#include <apso/opencv/detectors/precomputed_motion.hpp>
 #include <apso/pipeline/report.hpp>
 #include <apso/version.hpp>
 
 #include "output.hpp"
+#include "stamps.hpp"
 
 namespace track {
 
@@ -26,7 +29,7 @@ struct Record {
   std::vector<apso::FrameReport> reports;  ///< of the frames processed
   std::vector<Timing> timings;             ///< of the same frames
   nlohmann::json skipped = nlohmann::json::array();
-  nlohmann::json mask_problems = nlohmann::json::array();
+  apso::opencv::FileUse use;               ///< of masks and detections of another program
   int softened = 0;                        ///< frames in which dynamic features counted a little
   std::string failure;                     ///< why the run ended early; empty: it did not
   [[nodiscard]] int refined() const {
@@ -47,12 +50,15 @@ struct Record {
   }
 };
 
-/// ATE and RPE of an estimate; null when too few poses match.
+/// ATE and RPE of an estimate. Throws when it cannot be compared with the ground truth.
 inline nlohmann::json evaluate(const apso::Trajectory& truth, const apso::Trajectory& estimate) {
   apso::AteOptions ate_options;
   ate_options.association = apso::AssociationRule::Evo;
+  if (estimate.empty()) throw std::runtime_error("no frame has a pose");
   const apso::AteResult ate = apso::ate(truth, estimate, ate_options);
-  if (!succeeded(ate.status)) return nullptr;
+  if (!succeeded(ate.status)) {
+    throw std::runtime_error(too_few_pairs(ate.pairs.size(), apso::default_max_difference(ate_options.association), 3, truth, estimate));
+  }
   nlohmann::json result{{"pairs", ate.pairs.size()}, {"ate", to_json(ate.statistics)}};
   const auto add_rpe = [&](const char* name, double delta, apso::DeltaUnit unit) {
     apso::RpeOptions options;
@@ -104,15 +110,19 @@ inline nlohmann::json summarise(const Record& r, int total, const apso::Trajecto
                        {"repaired", r.repaired()},
                        {"soft_weights", r.softened}};
   summary["skipped"] = r.skipped;
-  summary["mask_problems"] = r.mask_problems;
+  summary["mask_problems"] = r.use.problems;
   summary["ms"] = stage_times(r.timings);
   if (!groundtruth.empty()) {
-    try {
-      summary["final"] = evaluate(groundtruth, r.final_poses);
-      summary["features"] = evaluate(groundtruth, r.feature_poses);
-    } catch (const std::exception& e) {
-      summary["evaluation_problem"] = e.what();
-    }
+    const auto add = [&](const char* name, const apso::Trajectory& estimate) {
+      try {
+        summary[name] = evaluate(groundtruth, estimate);
+      } catch (const std::exception& e) {
+        summary[name] = nullptr;
+        summary["evaluation_problem"] = e.what();
+      }
+    };
+    add("features", r.feature_poses);
+    add("final", r.final_poses);
   }
   if (!r.failure.empty()) summary["failure"] = r.failure;
   return summary;

@@ -246,13 +246,6 @@ TEST_CASE("a folder of results holds the last run only, and nothing is lost that
   };
   CHECK(files(out / "masks") == 6);
   CHECK(files(out / "overlays") == 6 + 1);
-  // masks that a run reads stay, also if a run wrote them
-  const Outcome reading = run(APSO_TRACK, start + " --max-frames 4 --masks " + (out / "masks").string(), f.path);
-  INFO(reading.text);
-  REQUIRE(reading.code == 0);
-  CHECK(read_json(out / "summary.json")["mask_problems"].empty());
-  CHECK(files(out / "masks") == 6);
-  CHECK(files(out / "overlays") == 4 + 1);
   REQUIRE(run(APSO_TRACK, start + " --max-frames 3 --write-masks", f.path).code == 0);
   CHECK(files(out / "masks") == 3);
   REQUIRE(run(APSO_TRACK, start + " --max-frames 2", f.path).code == 0);
@@ -260,14 +253,6 @@ TEST_CASE("a folder of results holds the last run only, and nothing is lost that
   CHECK(files(out / "overlays") == 2 + 1);
   CHECK(Table(out / "frames.csv").rows.size() == 2);
   CHECK(fs::exists(out / "notes.txt"));
-
-  // the recording is no folder of results
-  const fs::path in = f.path / "in";
-  REQUIRE(run(APSO_SYNTH, "static_static --frames 2 --quiet --output " + in.string(), f.path).code == 0);
-  const Outcome refused = run(APSO_TRACK, in.string() + " --camera tum-fr3 --output " + in.string(), f.path);
-  CHECK(refused.code == 1);
-  CHECK(refused.text.find("is the folder of the recording") != std::string::npos);
-  CHECK(fs::exists(in / "groundtruth.txt"));
 }
 
 TEST_CASE("progress is shown on a terminal only") {

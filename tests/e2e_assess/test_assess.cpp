@@ -13,6 +13,9 @@ TEST_CASE("apso_assess") { MESSAGE("skipped: the programs are not built (APSO_BU
 #include <sstream>
 #include <string>
 
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
 #include "../run_program.hpp"
 
 namespace {
@@ -157,5 +160,105 @@ TEST_CASE("bad input is named") {
   CHECK(o.code == 1);
   o = run_program("apso_calibrate synthetic:static_static --fit-weights --output " + d + "/c.yaml", f.path);
   CHECK(o.code == 2);
+}
+
+TEST_CASE("one lost or broken run does not cost the table") {
+  const Folder f;
+  const std::string d = f.path.string();
+  // frames without any feature: every one is LOST
+  fs::create_directories(f.path / "blank/rgb");
+  fs::create_directories(f.path / "blank/depth");
+  std::ofstream list(f.path / "blank/associations.txt");
+  std::ofstream truth(f.path / "blank/groundtruth.txt");
+  for (int i = 0; i < 4; ++i) {
+    const std::string stamp = std::to_string(i / 30.0);
+    cv::imwrite(d + "/blank/rgb/" + stamp + ".png", cv::Mat(480, 640, CV_8UC3, cv::Scalar(99, 99, 99)));
+    cv::imwrite(d + "/blank/depth/" + stamp + ".png", cv::Mat(480, 640, CV_16U, cv::Scalar(0)));
+    list << stamp << " rgb/" << stamp << ".png " << stamp << " depth/" << stamp << ".png\n";
+    truth << stamp << " " << i << " 0 0 0 0 0 1\n";
+  }
+  list.close();
+  truth.close();
+  REQUIRE(run_program("apso_track " + d + "/blank --camera tum-fr3 --quiet --output " + d + "/lost", f.path).code == 3);
+  REQUIRE(run_program("apso_track synthetic:static_static --max-frames 3 --quiet --output " + d + "/good", f.path).code == 0);
+
+  Outcome o = run_program("apso_assess " + d + "/lost " + d + "/good --output " + d + "/assessed", f.path);
+  INFO(o.text);
+  CHECK(o.code == 0);  // lost is a result
+  json runs = read_json(f.path / "assessed/assess.json")["runs"];
+  REQUIRE(runs.size() == 2);
+  CHECK(runs[0]["lost"] == true);
+  CHECK(runs[1]["lost"] == false);
+
+  // what cannot be read is named, the rest is in the table
+  fs::create_directories(f.path / "broken");
+  std::ofstream(f.path / "broken/frames.csv") << "timestamp,state,label,S_final,S_total,feature_ok\n1,SPLENDID,,0.9,0.9,1\n";
+  o = run_program("apso_assess " + d + "/broken " + d + "/good --output " + d + "/assessed", f.path);
+  INFO(o.text);
+  CHECK(o.code == 1);
+  CHECK(o.text.find("frames.csv:2: the state is 'SPLENDID', expected INITIALISING, GOOD, BAD or LOST") != std::string::npos);
+  CHECK(read_json(f.path / "assessed/assess.json")["runs"].size() == 1);
+
+  // ground truth of another time
+  std::ofstream(f.path / "other.txt") << "1000 0 0 0 0 0 0 1\n1001 0 0 0 0 0 0 1\n1002 0 0 0 0 0 0 1\n";
+  o = run_program("apso_assess " + d + "/good=" + d + "/other.txt --output " + d + "/assessed", f.path);
+  CHECK(o.code == 1);
+  CHECK(o.text.find("no frame can be compared with the ground truth") != std::string::npos);
+  o = run_program("apso_assess " + d + "/good --output " + d + "/good", f.path);
+  CHECK(o.code == 1);
+  CHECK(o.text.find("only read") != std::string::npos);
+
+  const std::string ablate = "apso_ablate " + d + "/blank,camera=tum-fr3 synthetic:static_static,max-frames=3 --only default --jobs 1 --output " + d + "/ab";
+  o = run_program(ablate, f.path);
+  INFO(o.text);
+  CHECK(o.code == 0);
+  CHECK(o.text.find("(1 runs lost)") != std::string::npos);
+  json row = read_json(f.path / "ab/ablation.json")["variants"][0];
+  CHECK(row["runs"] == 2);
+  CHECK(row["lost"] == 1);
+  CHECK(row["ate_m"]["runs"] == 1);
+
+  // an empty summary is no finished run, and a run that another file stands in for is missing
+  std::ofstream(f.path / "ab/default/blank/summary.json", std::ios::trunc);
+  o = run_program(ablate + " --table", f.path);
+  CHECK(o.code == 0);
+  CHECK(read_json(f.path / "ab/ablation.json")["variants"][0]["missing"] == 1);
+  o = run_program(ablate, f.path);
+  CHECK(o.code == 0);
+  CHECK(o.text.find("was done") != std::string::npos);
+  CHECK(read_json(f.path / "ab/ablation.json")["variants"][0]["missing"] == 0);
+  std::ofstream(f.path / "ab/default/blank/frames.csv", std::ios::trunc) << "broken\n";
+  o = run_program(ablate + " --table", f.path);
+  INFO(o.text);
+  CHECK(o.code == 1);
+  CHECK(o.text.find("not in the table") != std::string::npos);
+  CHECK(read_json(f.path / "ab/ablation.json")["variants"][0]["runs"] == 1);
+}
+
+TEST_CASE("wrong usage of the programs that read runs is named") {
+  const Folder f;
+  const std::string d = f.path.string();
+  for (const char* program : {"apso_assess", "apso_ablate", "apso_calibrate"}) {
+    CAPTURE(program);
+    Outcome o = run_program(program, f.path);
+    CHECK(o.code == 2);
+    o = run_program(std::string(program) + " run --outptu x", f.path);
+    CHECK(o.code == 2);
+    CHECK(o.text.find("there is no option --outptu") != std::string::npos);
+    o = run_program(std::string(program) + " run --output ''", f.path);
+    CHECK(o.code == 2);
+    CHECK(o.text.find("--output: is empty") != std::string::npos);
+  }
+  for (const char* factor : {"nan", "inf", "0", "-1"}) {
+    CAPTURE(factor);
+    const Outcome o = run_program("apso_assess run --output " + d + "/x --failure-factor=" + factor, f.path);
+    CHECK(o.code == 2);
+    CHECK(o.text.find("expected a number from") != std::string::npos);
+  }
+  // a configuration that the user wrote is not replaced
+  std::ofstream(f.path / "mine.yaml") << "tracker:\n";
+  const Outcome o = run_program("apso_calibrate synthetic:static_static --output " + d + "/mine.yaml", f.path);
+  CHECK(o.code == 1);
+  CHECK(o.text.find("apso_calibrate did not write it") != std::string::npos);
 }
 #endif

@@ -74,7 +74,7 @@ void fails(const Run& r, const std::string& message) {
   CHECK(r.code == 1);
   CHECK(r.out.empty());
   CHECK(std::count(r.err.begin(), r.err.end(), '\n') == 1);
-  CHECK(r.err.find("apso_eval: error: ") == 0);
+  CHECK(r.err.find("apso_eval: ") == 0);
   CHECK(r.err.find(message) != std::string::npos);
 }
 }  // namespace
