@@ -110,7 +110,9 @@ void check_output(const Arguments& a) {
   std::string line;
   std::ifstream before(a.output);
   std::getline(before, line);
-  if (fs::exists(a.output) && line.rfind(first_words, 0) != 0) throw apso::io_error(a.output + ": is there, and apso_calibrate did not write it; take another name");
+  if (fs::exists(a.output) && line.rfind(first_words, 0) != 0) {
+    throw apso::io_error(a.output + ": is there, and apso_calibrate did not write it; take another name");
+  }
 }
 
 void write_config(const std::string& file, const Arguments& a, const track::Config& config) {

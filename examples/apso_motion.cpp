@@ -220,7 +220,9 @@ std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track
   if (skipped == total) throw apso::io_error(s.name + ": no frame can be read, e.g. " + problem);
   if (judged == 0) throw apso::io_error(s.name + ": no true mask is named by the timestamp of a frame");
   if (skipped > 0) std::fprintf(stderr, "warning: %s: %d of %d frames skipped, e.g. %s\n", s.name.c_str(), skipped, total, problem.c_str());
-  if (judged < total - skipped) std::fprintf(stderr, "warning: %s: %d of %d frames have a true mask, the others are not judged\n", s.name.c_str(), judged, total - skipped);
+  if (judged < total - skipped) {
+    std::fprintf(stderr, "warning: %s: %d of %d frames have a true mask, the others are not judged\n", s.name.c_str(), judged, total - skipped);
+  }
   const bool evaluated = !s.source->groundtruth().empty() && total > 20 && !a.reverse;
   std::vector<track::MotionScore> scores;
   for (const auto& r : runners) {

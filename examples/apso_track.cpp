@@ -53,6 +53,7 @@ std::unique_ptr<track::FrameSource> open_source(const Arguments& a) {
         "--camera is needed for a recording: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim, or a YAML file (wrong "
         "intrinsics or a wrong depth scale give a wrong trajectory silently, so there is no default)");
   }
+  if (a.camera.find('.') != std::string::npos && fs::is_directory(a.camera)) throw apso::io_error(a.camera + ": is a folder, expected a YAML file");
   // a folder of results may well be called bonn
   const bool is_file = (fs::exists(a.camera) && !fs::is_directory(a.camera)) || a.camera.find('.') != std::string::npos;
   const apso::opencv::CameraModel camera =
@@ -114,7 +115,9 @@ Run::Run(const Arguments& a) : a_(a), options_(track::read_config(a.config)), pr
     if (!a_.detections.empty()) detections_ = std::make_unique<apso::DetectionLog>(a_.detections, camera.width, camera.height, files.classes);
   }
   for (const std::string& w : source_->warnings()) std::fprintf(stderr, "warning: %s\n", w.c_str());
-  if (const std::string w = track::stamp_problem(source_->timestamps()); !w.empty()) std::fprintf(stderr, "warning: %s: %s\n", a_.sequence.c_str(), w.c_str());
+  if (const std::string w = track::stamp_problem(source_->timestamps()); !w.empty()) {
+    std::fprintf(stderr, "warning: %s: %s\n", a_.sequence.c_str(), w.c_str());
+  }
 
   cv::setNumThreads(a_.threads);
   pipeline_.emplace(source_->camera(), std::move(motion), options_.pipeline);

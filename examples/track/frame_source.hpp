@@ -117,7 +117,8 @@ class RecordedSource final : public FrameSource {
   std::set<std::string> folders() const override {
     std::set<std::string> all;
     for (int i = 0; i < size(); ++i) {
-      for (const std::string& file : {sequence_.colour_path(i), sequence_.depth_path(i)}) all.insert(std::filesystem::path(file).parent_path().string());
+      all.insert(std::filesystem::path(sequence_.colour_path(i)).parent_path().string());
+      all.insert(std::filesystem::path(sequence_.depth_path(i)).parent_path().string());
     }
     return all;
   }

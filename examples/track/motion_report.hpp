@@ -23,7 +23,9 @@ struct MotionScore {
   int frames = 0;
   double ate = -1;             ///< [m]; negative = not known
 
+  /// \param truth 8 bit, nonzero = dynamic, of the size of the mask; empty: nothing is dynamic
   void judge(const apso::DynamicMask& mask, const cv::Mat& truth) {
+    apso::expects(truth.empty() || truth.size() == cv::Size(mask.probability.width(), mask.probability.height()), "judge: the sizes differ");
     double both = 0, marked = 0, real = 0;
     const auto size = static_cast<double>(mask.probability.size());
     for (int y = 0; y < mask.probability.height(); ++y) {

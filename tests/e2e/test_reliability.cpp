@@ -68,7 +68,7 @@ struct Recording : Folder {
 /// apso_track on a recording without end, in the background.
 class Endless {
  public:
-  explicit Endless(const fs::path& out) : pid_(::fork()) {
+  explicit Endless(const fs::path& out) : pid_((std::fflush(nullptr), ::fork())) {
     if (pid_ != 0) return;
     const std::string log = out.string() + ".log";
     if (std::freopen(log.c_str(), "w", stdout) == nullptr || ::dup2(1, 2) < 0) ::_exit(127);
@@ -251,7 +251,8 @@ TEST_CASE("output that cannot be written is told, and the exit code is not zero"
   const std::string truth = (r.in / "groundtruth.txt").string();
   CHECK(std::system((std::string(APSO_EVAL) + " " + truth + " " + truth + to_full).c_str()) != 0);
   CHECK(std::system((std::string(APSO_EVAL) + " " + truth + " " + truth + " > /dev/null 2>&1").c_str()) == 0);
-  CHECK(run(std::string(APSO_MOTION) + " synthetic:static_static --frames 1 --policies none --csv " + (r.path / "no" / "x.csv").string(), r.path).code == 1);
+  const std::string csv = " --csv " + (r.path / "no" / "x.csv").string();
+  CHECK(run(std::string(APSO_MOTION) + " synthetic:static_static --frames 1 --policies none" + csv, r.path).code == 1);
 }
 
 TEST_CASE("bytes that are not UTF-8 in names do not cost the summary") {
@@ -468,8 +469,13 @@ TEST_CASE("wrong usage is named, and every program returns 2") {
   refused(track + "--movable person" + out, "nothing has classes");
   refused(track + "--model net.onnx" + out, "no policy of --motion uses a network");
   refused(track + "--camera tum-fr1" + out, "brings its own camera");
+  for (const char* option : {"--seed 3", "--people 1", "--true-masks"}) {
+    refused(std::string(APSO_TRACK) + " recording --camera bonn " + option + out, "only synthetic sequences have that");
+  }
   refused(std::string(APSO_EVAL) + " a b --max-difference nan", "expected a number from 0");
   refused(track + "--config " + f.path.string() + out, f.path.string() + ": is a folder, expected a YAML file", 1);
+  fs::create_directories(f.path / "camera.yaml");
+  refused(std::string(APSO_TRACK) + " recording --camera " + (f.path / "camera.yaml").string() + out, "camera.yaml: is a folder, expected", 1);
   CHECK_FALSE(fs::exists(f.path / "out"));
 }
 #endif
