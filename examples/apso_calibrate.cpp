@@ -107,6 +107,8 @@ void check_output(const Arguments& a) {
   for (const track::Input& in : inputs) {  // finished runs may well be in the folder of runs
     if (!fs::exists(fs::path(in.path) / "frames.csv")) track::keep_apart(a.work, {in});
   }
+  const fs::path folder = fs::absolute(a.output).parent_path();
+  if (!fs::is_directory(folder)) throw apso::io_error(a.output + ": cannot write: there is no folder " + folder.string());
   std::string line;
   std::ifstream before(a.output);
   std::getline(before, line);

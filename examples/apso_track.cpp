@@ -115,6 +115,9 @@ Run::Run(const Arguments& a) : a_(a), options_(track::read_config(a.config)), pr
     if (!a_.detections.empty()) detections_ = std::make_unique<apso::DetectionLog>(a_.detections, camera.width, camera.height, files.classes);
   }
   for (const std::string& w : source_->warnings()) std::fprintf(stderr, "warning: %s\n", w.c_str());
+  if (!a_.spoil.empty() && total_ <= track::DegradedSource::first) {
+    std::fprintf(stderr, "warning: --spoil: no frame is degraded, the first would be frame %d\n", track::DegradedSource::first);
+  }
   if (const std::string w = track::stamp_problem(source_->timestamps()); !w.empty()) {
     std::fprintf(stderr, "warning: %s: %s\n", a_.sequence.c_str(), w.c_str());
   }

@@ -122,7 +122,7 @@ inline void declare_options(CLI::App& app, Arguments& a) {
       ->check(CLI::IsMember(DegradedSource::kinds()));
   app.add_option("--people", a.people, "synthetic sequences: number of walking people")->check(CLI::Range(0, 3));
   app.add_option("--seed", a.seed, "synthetic sequences: random seed of scene and noise")->capture_default_str();
-  app.add_flag("--true-masks", a.true_masks, "synthetic sequences: use the true masks");
+  app.add_flag("--true-masks", a.true_masks, "synthetic sequences: use the true masks")->excludes("--masks");
   app.add_flag_callback("--list-options", [] {
     print_settings(Config{});
     throw CLI::Success();

@@ -21,6 +21,7 @@ namespace track {
 /// Degrades two consecutive frames of every twenty, from frame 40 on.
 class DegradedSource final : public FrameSource {
  public:
+  static constexpr int first = 40;  ///< frame that is degraded
   static std::vector<std::string> kinds() { return {"blur25", "blur41", "contrast", "wall", "blank", "no-depth"}; }
 
   DegradedSource(std::unique_ptr<FrameSource> source, std::string kind)
@@ -56,7 +57,7 @@ class DegradedSource final : public FrameSource {
   }
 
  private:
-  static bool degraded(int i) { return i >= 40 && i % 20 < 2; }
+  static bool degraded(int i) { return i >= first && i % 20 < 2; }
   void degrade(cv::Mat& image, bool other_way) const {
     if (kind_ == "blur25" || kind_ == "blur41") {  // as by a pan or a tilt
       const int n = kind_ == "blur25" ? 25 : 41;

@@ -22,6 +22,8 @@
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/quality/explain.hpp>
 
+#include "results.hpp"
+
 namespace track {
 
 /// Wall-clock time of each stage of one frame [ms].
@@ -128,7 +130,7 @@ class FrameTable {
  private:
   void flush() {
     stream_.flush();
-    if (!stream_) throw apso::io_error(file_ + ": cannot write (disk full?)");
+    if (!stream_) throw cannot_write(file_);
   }
   void text(const std::string& s) {
     if (!first_) stream_ << ',';

@@ -7,6 +7,8 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -57,6 +59,11 @@ inline void keep_apart(const std::string& output, const std::vector<Input>& inpu
   }
 }
 
+/// The error of a stream that has just failed.
+inline apso::io_error cannot_write(const std::filesystem::path& file) {
+  return apso::io_error(file.string() + ": cannot write: " + std::strerror(errno));
+}
+
 /// Writes a file as a whole: under another name first, so that a file of this name is never half written.
 inline void write_file(const std::filesystem::path& file, const std::string& bytes) {
   std::filesystem::path part = file;
@@ -64,12 +71,13 @@ inline void write_file(const std::filesystem::path& file, const std::string& byt
   std::ofstream out(part, std::ios::binary);
   out << bytes;
   out.close();
-  std::error_code failed;
-  if (out) std::filesystem::rename(part, file, failed);
-  if (out && !failed) return;
-  std::error_code ignored;
-  std::filesystem::remove(part, ignored);
-  throw apso::io_error(file.string() + ": cannot write (disk full?)");
+  if (!out) {
+    const apso::io_error error = cannot_write(file);
+    std::error_code ignored;
+    std::filesystem::remove(part, ignored);
+    throw error;
+  }
+  std::filesystem::rename(part, file);
 }
 
 /// Bytes that are not UTF-8, e.g. in names of files, are written as U+FFFD.
@@ -88,9 +96,10 @@ inline void write_image(const std::filesystem::path& file, const cv::Mat& image)
 class FolderLock {
  public:
   explicit FolderLock(const std::filesystem::path& folder) : file_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-    if (file_ >= 0 && ::flock(file_, LOCK_EX | LOCK_NB) == 0) return;
-    if (file_ >= 0) ::close(file_);
-    throw apso::io_error("--output: " + folder.string() + ": another run is writing into it, or it is not accessible");
+    if (file_ < 0) throw apso::io_error("--output: " + folder.string() + ": cannot be read");
+    if (::flock(file_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;  // some file systems have no locks
+    ::close(file_);
+    throw apso::io_error("--output: " + folder.string() + ": another run is writing into it");
   }
   ~FolderLock() { ::close(file_); }
   FolderLock(const FolderLock&) = delete;
@@ -124,7 +133,7 @@ class ResultFolder {
     made((part_ / name).parent_path());
     list_ << name << '\n';
     list_.flush();
-    if (!list_) throw apso::io_error((part_ / list_name).string() + ": cannot write (disk full?)");
+    if (!list_) throw cannot_write(part_ / list_name);
     new_.push_back(name);
     return part_ / name;
   }
@@ -200,8 +209,8 @@ class ResultFolder {
     const std::filesystem::path file = folder_ / name;
     const bool there = std::filesystem::exists(std::filesystem::symlink_status(file));
     if ((!there || old_.count(name) != 0) && !through_link(folder_, name)) return;
-    throw apso::io_error("--output: " + file.string() + " is there, and no run of apso wrote it; take another folder" +
-                         (new_.empty() ? "" : " (the new results are in " + part_.string() + ")"));
+    throw apso::io_error("--output: " + file.string() + " is there, and no run has it in its list " + list_name +
+                         "; remove it or take another folder" + (new_.empty() ? "" : " (the new results are in " + part_.string() + ")"));
   }
 
   std::filesystem::path folder_;
