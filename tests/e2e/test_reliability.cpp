@@ -451,7 +451,7 @@ TEST_CASE("apso_motion refuses true masks and frames of another size") {
 TEST_CASE("wrong usage is named, and every program returns 2") {
   const Folder f;
   const auto refused = [&](const std::string& command, const std::string& text, int code = 2) {
-    const Outcome o = run(command, f.path);
+    const Outcome o = run("cd " + f.path.string() + " && " + command, f.path);  // where an empty path would lead
     CAPTURE(command);
     CAPTURE(o.text);
     CHECK(o.code == code);

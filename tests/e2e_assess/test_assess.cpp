@@ -245,7 +245,7 @@ TEST_CASE("wrong usage of the programs that read runs is named") {
     o = run_program(std::string(program) + " run --outptu x", f.path);
     CHECK(o.code == 2);
     CHECK(o.text.find("there is no option --outptu") != std::string::npos);
-    o = run_program(std::string(program) + " run --output ''", f.path);
+    o = run("cd " + d + " && " APSO_PROGRAMS "/" + program + " run --output ''", f.path);  // where an empty path would lead
     CHECK(o.code == 2);
     CHECK(o.text.find("--output: is empty") != std::string::npos);
   }
