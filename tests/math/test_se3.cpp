@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <limits>
 #include <random>
 
 #include <apso/math/se3.hpp>
@@ -75,4 +76,69 @@ TEST_CASE("sclerp meets the published values and is bi-invariant") {
   CHECK((sclerp(inverse(X), inverse(Y), 0.3).matrix() - inverse(b).matrix()).norm() < 1e-12);
   CHECK(sclerp(X, Y, 0.0).matrix() == X.matrix());
   CHECK(sclerp(X, Y, 1.0).matrix() == Y.matrix());
+}
+
+TEST_CASE("what is not finite stays not finite through exp, log and products") {
+  const double inf = std::numeric_limits<double>::infinity();
+  std::mt19937 rng(11);
+  for (const double angle : {0.0, 0.5, 3.1}) {
+    const Twist xi = random_twist(rng, angle);
+    const Pose T = se3_exp(xi);
+    for (const double bad : {std::numeric_limits<double>::quiet_NaN(), inf, -inf}) {
+      for (int i = 0; i < 6; ++i) {
+        Twist broken = xi;
+        broken(i) = bad;
+        CAPTURE(i);
+        CHECK_FALSE(is_finite(se3_exp(broken)));
+      }
+      for (int k = 0; k < 12; ++k) {
+        Pose broken = T;
+        broken(k % 3, k / 3) = bad;
+        CAPTURE(k);
+        CHECK_FALSE(all_finite(se3_log(broken)));
+        CHECK_FALSE(is_finite(inverse(broken)));
+        CHECK_FALSE(is_finite(compose(T, broken)));
+        CHECK_FALSE(is_finite(compose(broken, T)));
+        CHECK_FALSE(is_finite(normalized(broken)));
+        CHECK_FALSE(is_rigid(broken));
+      }
+    }
+    CHECK_FALSE(is_finite(sclerp(Pose::Identity(), T, std::numeric_limits<double>::quiet_NaN())));
+  }
+}
+
+TEST_CASE("a rigid motion is told from a finite matrix that is none") {
+  std::mt19937 rng(13);
+  for (int i = 0; i < 50; ++i) {
+    Pose T = se3_exp(random_twist(rng, 0.06 * i));
+    CHECK(is_rigid(T));
+    const Eigen::Transform<float, 3, Eigen::Isometry> rounded = T.cast<float>();
+    CHECK(is_rigid(rounded.cast<double>()));
+    Pose scaled = T;
+    scaled.linear() *= 1.004;  // squares to 1.008
+    CHECK(is_rigid(scaled));
+    scaled.linear() = 1.006 * T.linear();
+    CHECK_FALSE(is_rigid(scaled));
+    Pose mirrored = T;
+    mirrored.linear().col(i % 3) *= -1;
+    CHECK_FALSE(is_rigid(mirrored));
+    Pose sheared = T;
+    sheared.linear().col(0) += 0.02 * T.linear().col(1);
+    CHECK_FALSE(is_rigid(sheared));
+    Pose far = T;
+    far.translation() = Eigen::Vector3d(0, -1e9, 0);
+    CHECK(is_rigid(far));
+    far.translation().y() *= 1.001;
+    CHECK_FALSE(is_rigid(far));
+  }
+  Pose overflows = Pose::Identity();
+  overflows.linear() *= 1e308;  // every element is finite, no product of two of them is
+  CHECK(is_finite(overflows));
+  CHECK_FALSE(is_rigid(overflows));
+  Pose zero = Pose::Identity();
+  zero.linear().setZero();
+  CHECK_FALSE(is_rigid(zero));
+  Pose last_row = Pose::Identity();
+  last_row(3, 0) = std::nan("");
+  CHECK_FALSE(is_rigid(last_row));
 }

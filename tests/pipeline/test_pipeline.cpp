@@ -2,10 +2,13 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <limits>
+#include <string>
 #include <vector>
 
 #include <apso/pipeline/paper_options.hpp>
 #include <apso/pipeline/pipeline.hpp>
+#include <apso/quality/explain.hpp>
 #include <apso/testing/synthetic.hpp>
 
 using namespace apso;
@@ -27,7 +30,8 @@ class Host {
   Host(const std::string& name, int people, const PipelineOptions& options = {})
       : sequence_(name, small_world(people)), pipeline_(sequence_.camera(), options) {}
 
-  const FrameReport& step(int i, const Pose& T_error = Pose::Identity(), bool ok = true, float response = 30) {
+  const FrameReport& step(int i, const Pose& T_error = Pose::Identity(), bool ok = true, float response = 30,
+                          const Pose* T_world_feature = nullptr, const Matrix6& information = Matrix6::Zero()) {
     sequence_.render(i, frame_);
     const Pose T_true = sequence_.T_world_camera(i);
     keypoints_.clear();
@@ -35,7 +39,8 @@ class Host {
       for (int x = 5; x < 320; x += 10) keypoints_.push_back({static_cast<float>(x), static_cast<float>(y), response, 0, 0});
     }
     pipeline_.observe(frame_.rgbd(), T_true * T_error);
-    pipeline_.assess(keypoints_, tracks_, {T_true * T_error, T_true * T_error, ok});
+    const Pose T_feature = T_world_feature != nullptr ? *T_world_feature : T_true * T_error;
+    pipeline_.assess(keypoints_, tracks_, {T_feature, T_true * T_error, ok, information});
     return pipeline_.conclude();
   }
   [[nodiscard]] Pose truth(int i) const { return sequence_.T_world_camera(i); }
@@ -56,6 +61,51 @@ PipelineOptions quick_start() {
 }
 
 }  // namespace
+
+TEST_CASE("a feature pose that is no pose is never GOOD, whatever runs, and nothing of it comes out") {
+  const double kNaN = std::numeric_limits<double>::quiet_NaN();
+  for (const bool motion : {false, true}) {
+    for (const RefinedFrames refine : {RefinedFrames::Every, RefinedFrames::BadOnly, RefinedFrames::None}) {
+      PipelineOptions o = quick_start();
+      o.motion = motion;
+      o.refine = refine;
+      Host host("static_xyz", 0, o);
+      int i = 0;
+      for (; i < 10; ++i) host.step(i);
+      REQUIRE(host.pipeline().report().state == SceneState::Good);
+      for (const int element : {0, 5, 12, 14}) {  // of the rotation and of the translation
+        for (const double bad : {kNaN, std::numeric_limits<double>::infinity(), 1e308}) {
+          Pose T_broken = Pose::Identity();
+          T_broken(element % 4, element / 4) = bad;
+          CAPTURE(element);
+          CAPTURE(bad);
+          const FrameReport& r = host.step(i, Pose::Identity(), true, 30, &T_broken);
+          CHECK(r.state == (r.refined ? SceneState::Bad : SceneState::Lost));  // without any measurement the pose is a guess
+          CHECK(r.assessment.state == SceneState::Bad);
+          CHECK(explain(r.assessment).find("not finite or no rigid motion") != std::string::npos);
+          CHECK(is_rigid(r.T_world_camera));
+          CHECK(is_rigid(r.T_world_feature));
+          CHECK(r.keyframe_allowed == (r.refined && refine == RefinedFrames::Every));  // as for any frame without features
+          CHECK((inverse(host.truth(i)) * r.T_world_camera).translation().norm() < 0.005);
+        }
+      }
+      ++i;
+      CHECK(host.step(i).state == SceneState::Good);
+    }
+  }
+}
+
+TEST_CASE("information of a feature pose that is not finite counts as not told") {
+  Host a("static_xyz", 0, quick_start()), b("static_xyz", 0, quick_start());
+  Matrix6 nan = Matrix6::Identity();
+  nan(3, 1) = std::numeric_limits<double>::quiet_NaN();
+  for (int i = 0; i < 12; ++i) {
+    const FrameReport& x = a.step(i);
+    const FrameReport& y = b.step(i, Pose::Identity(), true, 30, nullptr, nan);
+    CHECK(x.state == y.state);
+    CHECK(x.T_world_camera.matrix() == y.T_world_camera.matrix());
+  }
+}
 
 TEST_CASE("a frame passes the states in their order") {
   PipelineOptions options = quick_start();
@@ -225,7 +275,6 @@ TEST_CASE("wrong calls are refused") {
   CHECK_THROWS_AS(pipeline.conclude(), contract_error);
   pipeline.observe({0, good, good}, I);
   CHECK_THROWS_AS(pipeline.conclude(), contract_error);
-  CHECK_THROWS_AS(pipeline.assess(keypoints, none, {nan, I, true}), contract_error);
   CHECK_THROWS_AS(pipeline.assess(keypoints, none, {I, nan, false}), contract_error);
   pipeline.assess(keypoints, none, {nan, I, false});  // nobody looks at a pose that was not found
   CHECK_THROWS_AS(pipeline.assess(keypoints, none, {I, I, true}), contract_error);

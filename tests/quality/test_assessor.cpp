@@ -458,3 +458,51 @@ TEST_CASE("wrong calls and options are refused by name") {
   o.initialisation.quality_min = .9;
   CHECK_THROWS_AS(SceneAssessor(s.camera, o), contract_error);
 }
+
+TEST_CASE("a feature pose that is no pose counts as failed tracking: BAD, and the explanation says why") {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const double bad : {nan, std::numeric_limits<double>::infinity(), 1e308}) {
+    Scene s;
+    SceneAssessor assessor(s.camera);
+    Pose T = Pose::Identity();
+    s.in.T_world_camera = &T;
+    for (int n = 1; n <= 40; ++n) assessor.assess(s.input());
+    REQUIRE(assessor.assessment().state == SceneState::Good);
+    CHECK_FALSE(assessor.assessment().feature_pose_refused);
+    T(1, 1) = bad;
+    const Assessment& a = assessor.assess(s.input());
+    CHECK(a.state == SceneState::Bad);
+    CHECK(a.feature_pose_refused);
+    CHECK_FALSE(a.feature_tracking_ok);
+    CHECK(explain(a).find("the pose of the feature tracker is not finite or no rigid motion") != std::string::npos);
+    T = Pose::Identity();
+    CHECK(assessor.assess(s.input()).state == SceneState::Good);
+    s.in.T_world_camera = nullptr;  // a host that has no pose to tell
+    CHECK(assessor.assess(s.input()).state == SceneState::Good);
+  }
+}
+
+TEST_CASE("a pose that is no pose starts nothing: no reference is made of its frame") {
+  Scene s;
+  SceneAssessor assessor(s.camera);
+  Pose T = Pose::Identity();
+  T(0, 3) = std::numeric_limits<double>::quiet_NaN();
+  s.in.T_world_camera = &T;
+  for (int n = 1; n <= 40; ++n) {
+    const Assessment& a = assessor.assess(s.input());
+    CHECK(a.state == SceneState::Initialising);
+    CHECK(explain(a).find("not finite") != std::string::npos);
+  }
+}
+
+TEST_CASE("a timestamp that is not finite is refused, and the frames go on") {
+  Scene s;
+  SceneAssessor assessor(s.camera);
+  for (int n = 1; n <= 40; ++n) assessor.assess(s.input());
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    AssessmentInput in = s.input();
+    in.frame.timestamp = bad;
+    CHECK_THROWS_AS(assessor.assess(in), contract_error);
+  }
+  CHECK(assessor.assess(s.input()).state == SceneState::Good);
+}

@@ -3,9 +3,12 @@
 ///
 /// T_a_b maps points of frame b into frame a. A twist is (v, w): translation [m] first, rotation [rad] second.
 /// Increments multiply from the left: T <- compose(se3_exp(delta), T), which is se3_exp(delta) * T.
+/// Functions of a pose or a twist that is not finite give one that is not finite either, never a finite wrong one: check the
+/// result once, with is_finite() or all_finite().
 #pragma once
 
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -119,6 +122,10 @@ struct FloatPose {
 /// Unit quaternion of the rotation of a motion, from the largest of its four components, which loses no digits
 /// (Shepperd, J. Guidance and Control 1978).
 [[nodiscard]] APSO_NOINLINE inline Eigen::Quaterniond quaternion(const Pose& T) {
+  if (!all_finite(rotation(T))) {  // an infinite trace would divide the rest away
+    constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+    return {kNaN, kNaN, kNaN, kNaN};
+  }
   double q[4];  // x, y, z, w
   const double trace = T(0, 0) + T(1, 1) + T(2, 2);
   if (trace > 0) {
@@ -177,7 +184,7 @@ struct FloatPose {
   return {f * q.x(), f * q.y(), f * q.z()};
 }
 
-/// Exponential of a twist (v, w).
+/// Exponential of a twist (v, w). Not finite for a twist that is not.
 [[nodiscard]] APSO_NOINLINE inline Pose se3_exp(const Twist& xi) {
   const Eigen::Vector3d v(xi(0), xi(1), xi(2));
   const Eigen::Vector3d w(xi(3), xi(4), xi(5));
@@ -198,7 +205,7 @@ struct FloatPose {
   return make_pose(rotation(so3_exp(w)), plus(v, plus(times(a, wv), times(b, wwv))));
 }
 
-/// Logarithm of a rigid motion, rotation angle in [0, pi].
+/// Logarithm of a rigid motion, rotation angle in [0, pi]. Not finite for a motion that is not.
 [[nodiscard]] APSO_NOINLINE inline Twist se3_log(const Pose& T) {
   const Eigen::Vector3d w = so3_log(quaternion(T));
   const Eigen::Vector3d t = translation(T);
@@ -247,8 +254,27 @@ struct FloatPose {
 /// True when every element is finite.
 [[nodiscard]] inline bool is_finite(const Pose& T) { return all_finite(T.matrix()); }
 
+/// Limits of is_rigid(): farther away a double no longer resolves a micrometre, and a rotation that is less exact than what
+/// drifting products of floats make is none.
+inline constexpr double kMaxDistance = 1e9;         ///< of a pose from the origin [m]
+inline constexpr double kRotationTolerance = 0.01;  ///< of the elements of R^T R - I
+
+/// True for a rigid motion that can be computed with: R right-handed and orthonormal within kRotationTolerance, t within
+/// kMaxDistance. False when an element is not finite, and for finite ones whose products overflow.
+[[nodiscard]] APSO_NOINLINE inline bool is_rigid(const Pose& T) {
+  const auto column = [&](int j) { return Eigen::Vector3d(T(0, j), T(1, j), T(2, j)); };
+  for (int i = 0; i < 3; ++i) {
+    if (!(std::abs(T(i, 3)) <= kMaxDistance)) return false;  // true for NaN, as below
+    for (int j = 0; j <= i; ++j) {
+      if (!(std::abs(dot(column(i), column(j)) - (i == j ? 1.0 : 0.0)) <= kRotationTolerance)) return false;
+    }
+  }
+  return dot(cross(column(0), column(1)), column(2)) > 0 && is_finite(T);
+}
+
 /// Screw-linear interpolation T_0 Exp(s Log(T_0^-1 T_1)); s = 0 gives T_0 and s = 1 gives T_1 exactly.
-/// It is left- and right-invariant, so it does not matter whether T_w_c or T_c_w is blended.
+/// It is left- and right-invariant, so it does not matter whether T_w_c or T_c_w is blended. A NaN s gives a pose that is not
+/// finite.
 [[nodiscard]] inline Pose sclerp(const Pose& T_0, const Pose& T_1, double s) {
   if (s <= 0) return T_0;
   if (s >= 1) return T_1;

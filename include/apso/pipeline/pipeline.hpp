@@ -85,12 +85,13 @@ struct Observation {
 /// What the host's feature tracker says about the pose of a frame.
 template <class PoseT = Pose>
 struct FeaturePose {
-  PoseT T_world_feature = from_pose<PoseT>(identity_pose());    ///< pose from features
+  PoseT T_world_feature = from_pose<PoseT>(identity_pose());    ///< pose from features; one that is not rigid (is_rigid(), e.g. NaN)
+                                                                ///< counts as failed feature tracking
   PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< pose from the motion model alone
   bool ok = false;                                               ///< feature tracking succeeded
   Matrix6 information = zeros<Matrix6>();  ///< of T_world_feature, for the increment d of T_camera_world <- Exp(d) T_camera_world,
                                            ///< translation first [1/m^2, 1/rad^2]: the normal matrix of the pose optimisation;
-                                           ///< zero = not known
+                                           ///< zero = not known, and so is one that is not finite
 };
 
 /// Owns the state of the three modules. Not thread-safe; use one per camera.
@@ -122,7 +123,8 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
         assessor_(camera, options.assessor),
         refiner_(camera, options.refiner) {}
 
-  /// Module 1: what moves? Throws contract_error if images and camera differ in size or a number is not finite.
+  /// Module 1: what moves? Throws contract_error if images and camera differ in size, the timestamp is not finite
+  /// or the prior is no rigid motion (is_rigid()).
   /// \param frame      made by frame(), or an RgbdFrame; of the pipeline's camera
   /// \param T_world_camera_prior best guess of the pose before this frame is tracked
   /// \param tracks     sharpens the motion policy; any range
@@ -138,6 +140,8 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   /// Module 2: can the frame be trusted? Once after each observe().
   /// \param keypoints any range, or `none`: S_feature is then missing
   /// \param tracks    any range, or `none`: S_mc is then missing
+  /// \param pose      throws contract_error if T_world_predicted is no rigid motion (is_rigid()); a feature pose that is none
+  ///                  makes the frame BAD
   /// \returns valid until the next call
   template <class Keypoints, class Tracks>
   const Assessment& assess(const Keypoints& keypoints, const Tracks& tracks, const FeaturePose<PoseT>& pose);
@@ -175,7 +179,8 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
     if constexpr (std::is_same_v<PoseT, Pose>) {
       return T;
     } else {
-      return normalized(to_pose(T));
+      const Pose given = to_pose(T);
+      return is_rigid(given) ? normalized(given) : given;  // to be refused, not turned into some rotation
     }
   }
   template <class FrameT>

@@ -36,7 +36,7 @@ const Observation& BasicPipeline<P, M, A, R>::observe(const FrameT& frame, const
   next_ = Step::Observe;
   check_frame_size(frame);
   const Pose T_prior = taken(T_world_camera_prior);
-  expects(is_finite(T_prior), "Pipeline::observe: the prior pose is not finite");
+  expects(is_rigid(T_prior), "Pipeline::observe: the prior pose is not finite or no rigid motion");
 
   work_.take(frame, camera_.width, camera_.height);
   const auto* const given_mask = detail::given(mask);
@@ -87,12 +87,12 @@ template <class Keypoints, class Tracks>
 auto BasicPipeline<P, M, A, R>::assess(const Keypoints& keypoints, const Tracks& tracks, const FeaturePose<P>& pose)
     -> const Assessment& {
   expects(next_ == Step::Assess, "Pipeline::assess: call observe() for the frame first, and assess() once");
-  feature_ok_ = pose.ok;
   feature_information_ = pose.information;
   T_world_feature_ = taken(pose.T_world_feature);
   T_world_predicted_ = taken(pose.T_world_predicted);
-  expects(is_finite(T_world_predicted_), "Pipeline::assess: T_world_predicted is not finite");
-  expects(!pose.ok || is_finite(T_world_feature_), "Pipeline::assess: T_world_feature is not finite, though feature tracking is ok");
+  expects(is_rigid(T_world_predicted_), "Pipeline::assess: T_world_predicted is not finite or no rigid motion");
+  const bool feature_pose = is_rigid(T_world_feature_);
+  feature_ok_ = pose.ok && feature_pose;
 
   AssessmentInput input;
   input.frame = work_.frame();
@@ -103,10 +103,10 @@ auto BasicPipeline<P, M, A, R>::assess(const Keypoints& keypoints, const Tracks&
   input.objects = &observation_.objects;
   input.dynamic_ratio = observation_.dynamic_ratio;
   input.feature_tracking_ok = feature_ok_;
-  input.T_world_camera = feature_ok_ ? &T_world_feature_ : nullptr;
+  input.T_world_camera = pose.ok ? &T_world_feature_ : nullptr;  // also one that is refused, so that the assessment says so
   report_ = Report{};
   report_.timestamp = work_.frame().timestamp;
-  report_.T_world_feature = is_finite(T_world_feature_) ? pose.T_world_feature : pose.T_world_predicted;
+  report_.T_world_feature = feature_pose ? pose.T_world_feature : pose.T_world_predicted;
   report_.assessment = assessor_.assess(input);
   report_.state = report_.assessment.state;
   next_ = Step::Conclude;

@@ -60,7 +60,8 @@ struct AssessmentSummary {
   bool scenario_objects = false;  ///< confident detections: S_final boosted
 
   SceneState state = SceneState::Initialising;  ///< never Lost: that is for whoever owns the pose to say
-  bool feature_tracking_ok = true;
+  bool feature_tracking_ok = true;     ///< false also for a feature pose that was refused
+  bool feature_pose_refused = false;   ///< the feature tracker's pose is no rigid motion (is_rigid()), e.g. NaN: it counts as none
   bool degraded = false;               ///< the reference was committed by timeout with too low a score
   bool initialisation_failed = false;  ///< the search for a reference began anew with this frame
   bool benchmark_updated = false;      ///< the reference was set or replaced after this frame, equation (10)

@@ -30,7 +30,8 @@ struct AssessmentInput {
   const std::vector<Detection>* objects = nullptr;    ///< null: S_dec is missing; else as an empty list
   double dynamic_ratio = 0;                      ///< [0,1]; NaN counts as 1
   bool feature_tracking_ok = true;               ///< did the feature tracker find a pose?
-  const Pose* T_world_camera = nullptr;          ///< that pose; only FlowKind::PosePredicted asks for it
+  const Pose* T_world_camera = nullptr;          ///< that pose, if known: one that is not rigid (is_rigid(), e.g. NaN) counts as
+                                                 ///< none found; FlowKind::PosePredicted asks for it
 };
 
 /// A frame in types of yours. Made by assessment_input().
@@ -43,7 +44,7 @@ struct ForeignAssessmentInput {
   Mask dynamic_probability;
   std::optional<double> dynamic_ratio{};  ///< [0,1]; by default the mean of the dynamic probability
   bool feature_tracking_ok = true;        ///< did the feature tracker find a pose?
-  const Pose* T_world_camera = nullptr;   ///< that pose; only FlowKind::PosePredicted asks for it
+  const Pose* T_world_camera = nullptr;   ///< that pose, as in AssessmentInput
 };
 
 /// What SceneAssessor::assess takes; `none` for what you do not have. Named lists and images must outlive the result,

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/math/se3.hpp>
 #include <apso/quality/assessment.hpp>
 #include <apso/quality/assessment_input.hpp>
 #include <apso/quality/assessor_options.hpp>
@@ -50,7 +51,8 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     camera_.validate();
   }
 
-  /// Scores, state and reasons of a frame. The result is valid until the next call; nothing of the input is kept.
+  /// Scores, state and reasons of a frame. The result is valid until the next call; nothing of the input is kept. Throws
+  /// contract_error if the timestamp is not finite or an image has not the size of the camera.
   const Result& assess(const AssessmentInput& in) {
     FrameContext c = context(in);
     c.keypoints = in.keypoints;
@@ -128,7 +130,9 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     a_ = Result{};
     a_.frame = frame;
     a_.timestamp = c.timestamp;
-    a_.feature_tracking_ok = feature_tracking_ok;
+    a_.feature_pose_refused = c.T_world_camera != nullptr && !is_rigid(*c.T_world_camera);
+    a_.feature_tracking_ok = feature_tracking_ok && !a_.feature_pose_refused;
+    if (a_.feature_pose_refused) c.T_world_camera = nullptr;
     c.initialising = !benchmark_.present();
 
     score_frame(c, kFrameIndices);

@@ -43,9 +43,10 @@ template <class F, class C>
     if (a.S_final) {
       s << ": S_final " << a.S_final->value() << (a.S_final->value() >= a.th_differ ? " >= " : " < ") << a.th_differ;
     }
-    if (!a.feature_tracking_ok) s << "; the feature tracker has no pose";
+    if (!a.feature_tracking_ok && !a.feature_pose_refused) s << "; the feature tracker has no pose";
     s << "; S_total " << a.S_total.value();
   }
+  if (a.feature_pose_refused) s << "; the pose of the feature tracker is not finite or no rigid motion";
   if (a.S_total_missing) s << "; nothing to judge the frame by";
   detail::for_each_result(a.frame_scores, [&](const auto& r) {
     const std::string text = detail::explain_score(r);

@@ -63,15 +63,28 @@ inline constexpr double kFeatureSigmaRotation = 0.0025;      ///< [rad]
 /// landmarks are seen again and again from nearly the same place, and err alike.
 inline constexpr double kFeatureInformationShare = 0.3;
 
-/// Weight of the feature pose, w_diff = exp(-mu S_change), in [exp(-mu), 1].
-[[nodiscard]] inline double difference_weight(double S_change, double mu) { return std::exp(-mu * clamp01(S_change)); }
+/// Weight of the feature pose, w_diff = exp(-mu S_change), in [exp(-mu), 1]. NaN counts as S_change = 1.
+[[nodiscard]] inline double difference_weight(double S_change, double mu) { return std::exp(-mu * Deviation(S_change).value()); }
 
-/// The same after the direct pose has been judged: 1 - c_dir (1 - w_diff). Without confidence the feature pose stays.
+/// The same after the direct pose has been judged: 1 - c_dir (1 - w_diff). Without confidence (0 or NaN) the feature pose stays.
 [[nodiscard]] inline double effective_weight(double w_diff, double c_dir) {
   return 1.0 - clamp01(c_dir) * (1.0 - clamp01(w_diff));
 }
 
 namespace detail {
+// The one pose to take when the other is NaN or otherwise no rigid motion; null when both can be blended.
+[[nodiscard]] inline const Pose* only_usable(const Pose& T_feature, const Pose& T_direct) {
+  const bool feature = is_rigid(T_feature);
+  const bool direct = is_rigid(T_direct);
+  expects(feature || direct, "blend: neither pose is a finite rigid motion");
+  return feature && direct ? nullptr : (feature ? &T_feature : &T_direct);
+}
+// Weight of the feature pose, 0 or 1 where nothing is to be blended: then a pose is returned as it came. NaN counts as 0.
+[[nodiscard]] inline double usable_weight(const Pose& T_feature, const Pose& T_direct, double w) {
+  if (const Pose* only = only_usable(T_feature, T_direct)) return only == &T_feature ? 1.0 : 0.0;
+  return clamp01(w);
+}
+
 [[nodiscard]] inline Pose blend_poses(const Pose& T_feature, const Pose& T_direct, double w, BlendForm form) {
   expects(form != BlendForm::InformationWeighted, "blend: InformationWeighted needs the information of both poses");
   if (form == BlendForm::ScrewLinear) return sclerp(T_direct, T_feature, w);
@@ -94,21 +107,23 @@ namespace detail {
     }
   }
   const Twist step = solve_symmetric(A, right);
-  if (!all_finite(step)) return sclerp(T_direct, T_feature, fallback);
+  const Pose joined = compose(T_direct, se3_exp(step));
+  if (!is_rigid(joined)) return sclerp(T_direct, T_feature, fallback);
   if (share != nullptr && translation_norm(xi) > 0) {
     *share = std::clamp(translation_norm(step) / translation_norm(xi), 1e-12, 1 - 1e-12);
   }
-  return compose(T_direct, se3_exp(step));
+  return joined;
 }
 
-// What is known by a feature pose: what its tracker tells, as far as that is believed; a fixed one if it tells nothing.
+// What is known by a feature pose: what its tracker tells, as far as that is believed; a fixed one if it tells nothing, or
+// what no information can be: NaN, or an element beyond what its diagonal allows.
 [[nodiscard]] inline Matrix6 feature_information(const Matrix6& told) {
   Matrix6 information = zeros<Matrix6>();
   bool known = true;
   for (int i = 0; i < 6; ++i) {
     known = known && told(i, i) > 0;
     for (int k = 0; k < 6; ++k) {
-      known = known && std::isfinite(told(i, k));
+      known = known && std::isfinite(told(i, k)) && std::abs(told(i, k)) <= 1.000001 * std::sqrt(told(i, i)) * std::sqrt(told(k, k));
       information(i, k) = kFeatureInformationShare * told(i, k);
     }
   }
@@ -129,28 +144,34 @@ namespace detail {
 }
 }  // namespace detail
 
-/// Blend of two poses; w = 1 gives T_feature and w = 0 gives T_direct, bit by bit.
+/// Blend of two poses; w = 1 gives T_feature and w = 0 gives T_direct, bit by bit. A pose that is no rigid motion (is_rigid(), e.g.
+/// NaN) is not used: the result is then the other one. Throws contract_error when both are none. A NaN w counts as 0.
 /// \param form ScrewLinear or Decoupled
 template <class PoseT>
 [[nodiscard]] PoseT blend(const PoseT& T_feature, const PoseT& T_direct, double w, BlendForm form = BlendForm::ScrewLinear) {
   check_pose<PoseT>();
+  const Pose F = to_pose(T_feature);
+  const Pose D = to_pose(T_direct);
+  w = detail::usable_weight(F, D, w);
   if (w >= 1) return T_feature;
   if (!(w > 0)) return T_direct;
-  return from_pose<PoseT>(detail::blend_poses(to_pose(T_feature), to_pose(T_direct), w, form));
+  return from_pose<PoseT>(detail::blend_poses(F, D, w, form));
 }
 
 /// Blend of two poses T_world_camera by their information: xi = Log(T_d^-1 T_f), step = (w F + (1 - w) D)^-1 w F xi,
-/// T = T_d Exp(step).
+/// T = T_d Exp(step). Poses that are no rigid motion and a NaN w as above; information that is not finite: screw-linear by w.
 /// \param feature_information,direct_information F and D, of increments (v, w) in the camera frame [1/m^2, 1/rad^2]; 0 in
 ///        directions about which a pose knows nothing
 template <class PoseT>
 [[nodiscard]] PoseT blend(const PoseT& T_feature, const PoseT& T_direct, double w, const Matrix6& feature_information,
                           const Matrix6& direct_information) {
   check_pose<PoseT>();
+  const Pose T_f = to_pose(T_feature);
+  const Pose T_d = to_pose(T_direct);
+  w = detail::usable_weight(T_f, T_d, w);
   if (w >= 1) return T_feature;
   if (!(w > 0)) return T_direct;
-  return from_pose<PoseT>(detail::join_by_information(to_pose(T_feature), to_pose(T_direct),
-                                                      detail::scaled_information(w, feature_information),
+  return from_pose<PoseT>(detail::join_by_information(T_f, T_d, detail::scaled_information(w, feature_information),
                                                       detail::scaled_information(1 - w, direct_information), w));
 }
 
@@ -169,7 +190,7 @@ struct Blended {
   PoseT T_world_camera = from_pose<PoseT>(identity_pose());
   double w_diff = 1;   ///< weight of the feature pose from the change score
   double w_eff = 1;    ///< weight used; for InformationWeighted the share of the way to the feature position that was made
-  bool gated = false;  ///< the poses were too far apart to be blended
+  bool gated = false;  ///< the poses were too far apart to be blended, or one was no rigid motion
 };
 
 namespace detail {
@@ -177,6 +198,12 @@ namespace detail {
                                                 const BlendEvidence& e, const BlendOptions& o) {
   Blended<Pose> b;
   b.w_diff = difference_weight(e.S_change, o.mu);
+  if (const Pose* only = only_usable(T_feature, T_direct)) {
+    b.w_eff = only == &T_feature ? 1.0 : 0.0;
+    b.T_world_camera = *only;
+    b.gated = true;
+    return b;
+  }
   const bool joined = o.form == BlendForm::InformationWeighted;
   const bool printed = o.weight == BlendWeight::Printed;
   b.w_eff = printed ? b.w_diff : (joined ? 1 - clamp01(e.c_dir) : effective_weight(b.w_diff, e.c_dir));
@@ -209,8 +236,10 @@ namespace detail {
 /// Weights, gate and blend in one. InformationWeighted weighs each pose by its information and by how far it is trusted,
 /// S_final F against c_dir D; the other forms average by w_diff = exp(-mu S_change). With c_dir = 0 the result is the feature
 /// pose. Of two poses that are too far apart the direct one is taken if it is trusted (c_dir > 0.5) and nearer to the
-/// prediction, else the feature pose.
-/// \param T_predicted motion prediction, decides between poses that are too far apart
+/// prediction, else the feature pose. A pose that is no rigid motion (is_rigid(), e.g. NaN) is not used: the result is then the
+/// other one, and contract_error when both are none. Of the evidence NaN counts as the worst, and information that is not finite
+/// as not told.
+/// \param T_predicted motion prediction, decides between poses that are too far apart; not finite: for the feature pose
 template <class PoseT>
 [[nodiscard]] Blended<PoseT> blend(const PoseT& T_feature, const PoseT& T_direct, const PoseT& T_predicted,
                                    const BlendEvidence& evidence, const BlendOptions& options = {}) {
