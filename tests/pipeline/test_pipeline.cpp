@@ -71,23 +71,23 @@ TEST_CASE("a feature pose that is no pose is never GOOD, whatever runs, and noth
       o.refine = refine;
       Host host("static_xyz", 0, o);
       int i = 0;
-      for (; i < 10; ++i) host.step(i);
+      for (; i < 7; ++i) host.step(i);
       REQUIRE(host.pipeline().report().state == SceneState::Good);
-      for (const int element : {0, 5, 12, 14}) {  // of the rotation and of the translation
-        for (const double bad : {kNaN, std::numeric_limits<double>::infinity(), 1e308}) {
-          Pose T_broken = Pose::Identity();
-          T_broken(element % 4, element / 4) = bad;
-          CAPTURE(element);
-          CAPTURE(bad);
-          const FrameReport& r = host.step(i, Pose::Identity(), true, 30, &T_broken);
-          CHECK(r.state == (r.refined ? SceneState::Bad : SceneState::Lost));  // without any measurement the pose is a guess
-          CHECK(r.assessment.state == SceneState::Bad);
-          CHECK(explain(r.assessment).find("not finite or no rigid motion") != std::string::npos);
-          CHECK(is_rigid(r.T_world_camera));
-          CHECK(is_rigid(r.T_world_feature));
-          CHECK(r.keyframe_allowed == (r.refined && refine == RefinedFrames::Every));  // as for any frame without features
-          CHECK((inverse(host.truth(i)) * r.T_world_camera).translation().norm() < 0.005);
-        }
+      int element = 0;  // (0,0) and (1,1) of the rotation, z of the translation
+      for (const double bad : {kNaN, 1e308, std::numeric_limits<double>::infinity(), kNaN}) {
+        Pose T_broken = Pose::Identity();
+        T_broken(element, element == 2 ? 3 : element) = bad;
+        element = (element + 1) % 3;
+        CAPTURE(element);
+        CAPTURE(bad);
+        const FrameReport& r = host.step(i, Pose::Identity(), true, 30, &T_broken);
+        CHECK(r.state == (r.refined ? SceneState::Bad : SceneState::Lost));  // without any measurement the pose is a guess
+        CHECK(r.assessment.state == SceneState::Bad);
+        CHECK(explain(r.assessment).find("not finite or no rigid motion") != std::string::npos);
+        CHECK(is_rigid(r.T_world_camera));
+        CHECK(is_rigid(r.T_world_feature));
+        CHECK(r.keyframe_allowed == (r.refined && refine == RefinedFrames::Every));  // as for any frame without features
+        CHECK((inverse(host.truth(i)) * r.T_world_camera).translation().norm() < 0.005);
       }
       ++i;
       CHECK(host.step(i).state == SceneState::Good);
