@@ -84,6 +84,7 @@
 #include <apso/pipeline/report.hpp>
 #include <apso/pipeline/requirements.hpp>
 #include <apso/pipeline/working_copy.hpp>
+#include <apso/printable.hpp>
 #include <apso/quality/assessment.hpp>
 #include <apso/quality/assessment_input.hpp>
 #include <apso/quality/assessor.hpp>

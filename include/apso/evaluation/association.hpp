@@ -7,8 +7,10 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <functional>
 #include <limits>
-#include <utility>
+#include <queue>
+#include <tuple>
 #include <vector>
 
 #include <apso/config.hpp>
@@ -51,7 +53,7 @@ inline void expects_stamps(const std::vector<double>& stamps, const char* messag
 }  // namespace detail
 
 /// Association of the TUM scripts (associate.py, evaluate_ate.py): of all pairs closer than max_difference, sorted by
-/// (difference, first, second), each is taken whose two members are still free.
+/// (difference, first, second), each is taken whose two members are still free. O(n log n) whatever max_difference is.
 /// \param first,second strictly increasing timestamps [s]
 /// \param max_difference pairs must be closer than this [s]
 /// \param offset_second added to the stamps of the second list [s]
@@ -62,31 +64,49 @@ inline void expects_stamps(const std::vector<double>& stamps, const char* messag
   detail::expects_stamps(first, "associate_tum: first timestamps must be finite and strictly increasing");
   detail::expects_stamps(second, "associate_tum: second timestamps must be finite and strictly increasing");
   expects(max_difference >= 0 && std::isfinite(offset_second), "associate_tum: max_difference must be >= 0");
-  std::vector<StampMatch> candidates;
-  std::vector<std::pair<double, std::size_t>> by_difference;  // of each candidate; equal ones stay in order
-  std::size_t begin = 0;  // first b that can still be close enough to a
-  for (std::size_t a = 0; a < first.size(); ++a) {
-    while (begin < second.size() && !(first[a] - (second[begin] + offset_second) < max_difference)) ++begin;
-    for (std::size_t b = begin; b < second.size(); ++b) {
-      const double difference = std::abs(first[a] - (second[b] + offset_second));
-      if (!(difference < max_difference)) break;
-      by_difference.emplace_back(difference, candidates.size());
-      candidates.push_back({a, b});
-    }
+  // Of the free stamps of both lists in the order of time, the closest pair are neighbours: only those are looked at, and when a
+  // pair is taken, those beside it become neighbours.
+  constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+  const std::size_t n = first.size();
+  const auto stamp = [&](std::size_t i) { return i < n ? first[i] : second[i - n] + offset_second; };
+  std::vector<std::size_t> order(n + second.size());  // by time; numbers from n on are of the second list
+  for (std::size_t a = 0, b = n, i = 0; i < order.size(); ++i) {
+    const bool take_a = b == order.size() || (a < n && stamp(a) <= stamp(b));
+    order[i] = take_a ? a++ : b++;
   }
-  std::sort(by_difference.begin(), by_difference.end());
-  constexpr std::size_t kFree = std::numeric_limits<std::size_t>::max();
-  std::vector<std::size_t> partner_of_first(first.size(), kFree);
-  std::vector<char> used(second.size(), 0);
-  for (const auto& [difference, i] : by_difference) {
-    const StampMatch& c = candidates[i];
-    if (partner_of_first[c.first] != kFree || used[c.second] != 0) continue;
-    partner_of_first[c.first] = c.second;
-    used[c.second] = 1;
+  std::vector<std::size_t> before(order.size(), kNone), after(order.size(), kNone);
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    before[order[i]] = order[i - 1];
+    after[order[i - 1]] = order[i];
+  }
+  using Pair = std::tuple<double, std::size_t, std::size_t>;  // difference, first, second
+  std::priority_queue<Pair, std::vector<Pair>, std::greater<>> closest;
+  const auto offer = [&](std::size_t i, std::size_t j) {
+    if (i == kNone || j == kNone || (i < n) == (j < n)) return;
+    const double difference = std::abs(stamp(std::min(i, j)) - stamp(std::max(i, j)));
+    if (difference < max_difference) closest.emplace(difference, std::min(i, j), std::max(i, j));
+  };
+  for (std::size_t i = 1; i < order.size(); ++i) offer(order[i - 1], order[i]);
+  std::vector<std::size_t> partner_of_first(n, kNone);
+  std::vector<char> used(order.size(), 0);
+  const auto remove = [&](std::size_t i) {
+    used[i] = 1;
+    if (before[i] != kNone) after[before[i]] = after[i];
+    if (after[i] != kNone) before[after[i]] = before[i];
+  };
+  while (!closest.empty()) {
+    const auto [difference, a, b] = closest.top();
+    closest.pop();
+    if (used[a] != 0 || used[b] != 0) continue;
+    partner_of_first[a] = b - n;
+    remove(a);
+    remove(b);
+    const bool a_first = stamp(a) <= stamp(b);
+    offer(before[a_first ? a : b], after[a_first ? b : a]);
   }
   std::vector<StampMatch> matches;
   for (std::size_t a = 0; a < first.size(); ++a) {
-    if (partner_of_first[a] != kFree) matches.push_back({a, partner_of_first[a]});
+    if (partner_of_first[a] != kNone) matches.push_back({a, partner_of_first[a]});
   }
   return matches;
 }

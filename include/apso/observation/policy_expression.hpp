@@ -6,7 +6,7 @@
 ///     factor     := NAME [ "(" expression ")" ] | "(" expression ")"
 ///
 /// "*" and "&" bind tighter than "|", which is "+"; equals group from the left, blanks do not matter. NAME is made of letters, digits
-/// and "-"; a name with an argument is a policy around another one.
+/// and "-"; a name with an argument is a policy around another one. An expression has at most kMaxPolicyParts names and brackets.
 #pragma once
 
 #include <cctype>
@@ -21,6 +21,7 @@
 #include <apso/config.hpp>
 #include <apso/observation/combined_policy.hpp>
 #include <apso/observation/motion_policy.hpp>
+#include <apso/printable.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -55,6 +56,9 @@ struct NamedPolicy {
 /// Policies by name. Of two entries with the same name the first one counts.
 using PolicyTable = std::vector<NamedPolicy>;
 
+/// Names and opening brackets of an expression: each may be one more call inside another, when it is read and in every frame.
+inline constexpr int kMaxPolicyParts = 100;
+
 namespace detail {
 class PolicyParser {
  public:
@@ -85,6 +89,7 @@ class PolicyParser {
     }
   }
   AnyMotionPolicy factor() {
+    if (++parts_ > kMaxPolicyParts) fail("more than " + std::to_string(kMaxPolicyParts) + " names and brackets");
     if (take('(')) return closed();
     peek();
     const std::size_t begin = at_;
@@ -113,12 +118,13 @@ class PolicyParser {
     return true;
   }
   [[noreturn]] void fail(const std::string& what) const {
-    contract_violation("motion policy '" + text_ + "': at character " + std::to_string(at_ + 1) + ": " + what);
+    contract_violation("motion policy '" + printable(text_) + "': at character " + std::to_string(at_ + 1) + ": " + what);
   }
 
   const std::string& text_;
   const PolicyFactory& make_;
   std::size_t at_ = 0;
+  int parts_ = 0;
 };
 }  // namespace detail
 
@@ -134,14 +140,14 @@ class PolicyParser {
     for (const NamedPolicy& entry : table) {
       if (entry.name == name) {
         if (entry.takes_policy() != inner.has_value()) {
-          contract_violation("motion policy '" + expression + "': '" + name +
+          contract_violation("motion policy '" + printable(expression) + "': '" + name +
                              (inner ? "' takes no policy in brackets" : "' needs another policy in brackets"));
         }
         return inner ? entry.around(std::move(*inner)) : entry.plain();
       }
       known += (known.empty() ? "" : ", ") + entry.name + (entry.takes_policy() ? "(P)" : "");
     }
-    contract_violation("motion policy '" + expression + "': no policy is called '" + name + "', known are: " + known);
+    contract_violation("motion policy '" + printable(expression) + "': no policy is called '" + printable(name) + "', known are: " + known);
   };
   return parse_policy(expression, make);
 }

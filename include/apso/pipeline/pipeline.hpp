@@ -128,7 +128,8 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   /// \param frame      made by frame(), or an RgbdFrame; of the pipeline's camera
   /// \param T_world_camera_prior best guess of the pose before this frame is tracked
   /// \param tracks     sharpens the motion policy; any range
-  /// \param detections from any detector; any range. If the motion policy finds objects, those count instead
+  /// \param detections from any detector; any range, of which the kMaxObjects with the highest scores count. If the motion policy
+  ///                   finds objects, those count instead
   /// \param mask       from any segmentation: an image of integers (nonzero = dynamic) or of probabilities in [0,1]
   ///                   (NaN = unknown), or a DynamicMask. Joins what the motion policy says.
   ///                   Each of the three may be `none`, or a pointer to what is said above, which may be null

@@ -41,13 +41,18 @@ class WorkingCopy {
   void forget_colour() { frame_.colour = {}; }
   [[nodiscard]] const RgbdFrame& frame() const { return frame_; }
 
-  /// \param range null for none
+  /// Of more than kMaxObjects detections the strongest. \param range null for none
   template <class Range>
   const std::vector<Detection>& take_detections(const Range* range) {
     detections_.clear();
     if (range == nullptr) return detections_;
+    strongest_.clear();
+    for_each_detection(*range, [&](const Detection& d) { strongest_.add(d.score); });
+    strongest_.choose();
+    std::size_t i = 0;
     std::size_t masks = 0;
     for_each_detection(*range, [&](const Detection& d) {
+      if (!strongest_.contains(d.score, i++)) return;
       detections_.push_back(d);
       if (d.mask.empty()) return;
       if (masks == masks_.size()) masks_.emplace_back();
@@ -76,6 +81,7 @@ class WorkingCopy {
   Image<float> depth_;
   RgbdFrame frame_;
   std::vector<Detection> detections_;
+  StrongestObjects strongest_;
   std::vector<Image<std::uint8_t>> masks_;
 };
 

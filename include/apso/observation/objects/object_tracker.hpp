@@ -50,7 +50,7 @@ class ObjectTracker {
   }
 
   /// \param depth any image [m], size of the mask; may be empty or `none`: then regions are not cut at depth steps
-  /// \param detections any range or `none`; their masks must outlive the result
+  /// \param detections any range or `none`; their masks must outlive the result. The kMaxObjects with the highest scores count
   /// \param tracks points followed from the previous frame, any range or `none`
   /// \returns valid until the next call
   const std::vector<Detection>& update(const DynamicMask& mask, const AnyImage& depth, const AnyDetections& detections = {},
@@ -63,7 +63,10 @@ class ObjectTracker {
       expects(d.mask.empty() || (d.mask.width == w && d.mask.height == h),
               "ObjectTracker: mask of a detection has another size");
       objects_.push_back(d);
-      if (!(d.motion_probability == d.motion_probability)) objects_.back().motion_probability = mean_probability(mask, d);
+    }
+    keep_strongest(objects_);
+    for (Detection& d : objects_) {
+      if (!(d.motion_probability == d.motion_probability)) d.motion_probability = mean_probability(mask, d);
     }
     grid_.sample(w, h, depth, row_);
     prediction_.predict(grid_, mask, tracks.in(tracks_), kObjectDepthGap, known_);
@@ -98,7 +101,7 @@ class ObjectTracker {
     return n > 0 ? static_cast<float>(clamp01(sum / n)) : std::numeric_limits<float>::quiet_NaN();
   }
 
-  // Pieces that no detection explains become objects; object_ holds the number of the object of a pixel plus one.
+  // Pieces that no detection explains become objects, at most kMaxObjects; object_ holds the number of the object of a pixel plus one.
   void add_pieces(const DynamicMask& mask) {
     constexpr double kCovered = 0.7;  // a piece with this share inside a detection belongs to it
     const std::vector<ObjectPiece>& pieces = segmentation_.pieces();
@@ -115,7 +118,7 @@ class ObjectTracker {
       }
     }
     object_of_piece_.assign(pieces.size(), 0);
-    for (std::size_t p = 0; p < pieces.size(); ++p) {
+    for (std::size_t p = 0; p < pieces.size() && objects_.size() < given + kMaxObjects; ++p) {
       const ObjectPiece& piece = pieces[p];
       if (piece.pixels * kObjectStep * kObjectStep < kMinimumObjectPixels) continue;
       bool explained = false;
@@ -222,12 +225,23 @@ class ObjectTracker {
     }
   }
 
+  // Frames for which an object may have been missed: max_missed, or less where more than kMaxObjects would be known.
+  [[nodiscard]] int longest_absence() {
+    absences_.clear();
+    for (const KnownObject& k : known_) absences_.push_back(k.missed);
+    if (absences_.size() <= kMaxObjects) return options_.max_missed;
+    const auto first_too_many = absences_.begin() + static_cast<std::ptrdiff_t>(kMaxObjects);
+    std::nth_element(absences_.begin(), first_too_many, absences_.end());
+    return std::clamp(*first_too_many - 1, 0, options_.max_missed);
+  }
+
   // Labels of the pixels by the place of their object in known_, which loses the ones that were missed too long.
   void remember() {
     place_.assign(known_.size(), -1);
+    const int longest = longest_absence();
     std::size_t kept = 0;
     for (std::size_t k = 0; k < known_.size(); ++k) {
-      if (known_[k].missed > options_.max_missed) continue;
+      if (known_[k].missed > longest) continue;
       place_[k] = static_cast<int>(kept);
       known_[kept] = known_[k];
       ++kept;
@@ -253,7 +267,7 @@ class ObjectTracker {
   ObjectMatching matching_;
   Image<int> object_;  // number in objects_ plus one
   Image<int> label_;   // number in known_ plus one
-  std::vector<int> covered_, object_of_piece_, place_;
+  std::vector<int> covered_, object_of_piece_, place_, absences_;
   std::vector<float> row_;
   std::vector<Detection> detections_;
   std::vector<PointTrack> tracks_;

@@ -44,13 +44,14 @@ struct Letterbox {
 };
 
 /// Indices of the objects that survive: the best first; others of its class that overlap it by more than `overlap`
-/// (IoU) are dropped, and so on.
+/// (IoU) are dropped, and so on, up to kMaxObjects.
 [[nodiscard]] inline std::vector<std::size_t> suppress(const std::vector<NetworkObject>& objects, float overlap) {
   std::vector<std::size_t> order(objects.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return objects[a].score > objects[b].score; });
   std::vector<std::size_t> kept;
   for (const std::size_t i : order) {
+    if (kept.size() == kMaxObjects) break;
     const bool repeated = std::any_of(kept.begin(), kept.end(), [&](std::size_t k) {
       return objects[k].class_id == objects[i].class_id && iou(objects[k].box, objects[i].box) > overlap;
     });

@@ -42,7 +42,8 @@ struct DetectionScratch {
 
 /// S_dec = (c + 1 - i) / 2 with the relative difference of the counts c and the mean overlap i of matched boxes,
 /// both over the larger count; 0 when both frames are empty. Objects of one class are matched one to one, greedily
-/// in the order of falling overlap.
+/// in the order of falling overlap. Time and memory grow with the product of the counts; in an assessor the kMaxObjects objects of
+/// the highest scores count.
 [[nodiscard]] inline DetectionMeasure detection_change(const std::vector<Detection>& reference,
                                                        const std::vector<Detection>& current, DetectionScratch& scratch) {
   DetectionMeasure r;
@@ -108,6 +109,7 @@ struct DetectionChange {
       memory.objects.push_back(d);
       memory.objects.back().mask = {};  // the pixels belong to the caller
     }
+    keep_strongest(memory.objects);
   }
   MaybeDeviation operator()(const ChangeContext<Memory>& frames) {
     measured = {};
