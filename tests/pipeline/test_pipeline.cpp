@@ -309,3 +309,77 @@ TEST_CASE("the paper as one setting: valid, unlike the defaults in every module,
   CHECK(r.state != SceneState::Initialising);
   CHECK(is_finite(r.T_world_camera));
 }
+
+TEST_CASE("a camera is refused when the pipeline is made, or never") {
+  int refused = 0;
+  int run = 0;
+  for (const int finest : {0, 1, 2}) {
+    for (const RefinedFrames refine : {RefinedFrames::Every, RefinedFrames::None}) {
+      for (const int width : {1, 2, 3, 7, 8, 15, 16, 31, 32, 40}) {
+        for (const int height : {1, 2, 7, 8, 15, 16, 31, 32, 40}) {
+          CAPTURE(finest);
+          CAPTURE(width);
+          CAPTURE(height);
+          PipelineOptions o = quick_start();
+          o.refine = refine;
+          o.refiner.pyramid.finest = finest;
+          o.assessor.initialisation.frames = 1;
+          const Pinhole camera{40, 40, width / 2.0, height / 2.0, width, height};
+          std::string error;
+          try {
+            Pipeline pipeline(camera, o);
+            Image<float> grey(width, height, 0.5F), depth(width, height, 2.0F);
+            for (int x = 0; x < width; ++x) grey(x, height / 2) = 0.02F * static_cast<float>(x % 40);
+            for (int i = 0; i < 4; ++i) {
+              pipeline.observe({0.1 * i, grey, depth}, Pose::Identity());
+              pipeline.assess(none, none, {Pose::Identity(), Pose::Identity(), i < 3});
+              CHECK(is_rigid(pipeline.conclude().T_world_camera));
+            }
+            ++run;
+          } catch (const contract_error& e) {
+            error = e.what();
+          }
+          // halved `finest` times, both sides must be left with 8 pixels
+          const bool small = width < 8 * (1 << finest) || height < 8 * (1 << finest);
+          CHECK(error.empty() == !(small && refine != RefinedFrames::None));
+          if (error.empty()) continue;
+          ++refused;
+          const std::string least = std::to_string(8 * (1 << finest));
+          CHECK(error.find("Pipeline: the camera has " + std::to_string(width) + " x " + std::to_string(height) + " pixels") !=
+                std::string::npos);
+          CHECK(error.find("at least " + least + " x " + least) != std::string::npos);
+        }
+      }
+    }
+  }
+  CHECK(refused > 100);
+  CHECK(run > 100);
+}
+
+TEST_CASE("a camera beyond any that is built is refused with the range") {
+  const Pinhole good{300, 300, 160, 120, 320, 240};
+  const auto refused = [&](const auto& change) {
+    Pinhole camera = good;
+    change(camera);
+    try {
+      camera.validate();
+    } catch (const contract_error&) {
+      CHECK_THROWS_AS(Pipeline{camera}, contract_error);
+      return true;
+    }
+    return false;
+  };
+  for (const double bad : {0.0, -300.0, 1e-300, 1e300, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    CHECK(refused([&](Pinhole& c) { c.fx = bad; }));
+    CHECK(refused([&](Pinhole& c) { c.fy = bad; }));
+  }
+  for (const double bad : {1e300, -1e300, std::numeric_limits<double>::quiet_NaN()}) {
+    CHECK(refused([&](Pinhole& c) { c.cx = bad; }));
+    CHECK(refused([&](Pinhole& c) { c.cy = bad; }));
+  }
+  CHECK(refused([](Pinhole& c) { c.width = 100000; }));
+  CHECK(refused([](Pinhole& c) { c.width = c.height = 20000; }));
+  CHECK(refused([](Pinhole& c) { c.height = 0; }));
+  CHECK_FALSE(refused([](Pinhole& c) { c.width = c.height = 10000; }));
+  CHECK_FALSE(refused([](Pinhole& c) { c.fx = 1e6; }));
+}

@@ -106,18 +106,19 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   using Assessment = detail::assessment_of_t<AssessorT>;
   using Report = BasicFrameReport<PoseT, Assessment, detail::refinement_of_t<RefinerT>>;
 
-  /// With a motion policy that is made from the camera, in its default setting.
+  /// With a motion policy that is made from the camera, in its default setting. Throws contract_error for an option out of range and
+  /// a camera that is none or too small to be refined (16 x 16 pixels with the default pyramid).
   explicit BasicPipeline(const Pinhole& camera, const Options& options = {})
-      : camera_(checked(camera)),
-        options_(checked(options)),
+      : camera_(checked(camera, options)),
+        options_(options),
         motion_(detail::make_motion<MotionT>(camera)),  // in its place: no code to move it
         objects_(options.objects),
         assessor_(camera, options.assessor),
         refiner_(camera, options.refiner) {}
   /// With a motion policy of the caller's.
   BasicPipeline(const Pinhole& camera, MotionT motion, const Options& options = {})
-      : camera_(checked(camera)),
-        options_(checked(options)),
+      : camera_(checked(camera, options)),
+        options_(options),
         motion_(std::move(motion)),
         objects_(options.objects),
         assessor_(camera, options.assessor),
@@ -167,13 +168,9 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
  private:
   enum class Step { Observe, Assess, Conclude };  // what comes next
 
-  static const Pinhole& checked(const Pinhole& camera) {
-    camera.validate();
-    return camera;
-  }
-  static const Options& checked(const Options& options) {
+  static const Pinhole& checked(const Pinhole& camera, const Options& options) {
     apso::validate(options, "pipeline");
-    return options;
+    return detail::checked_camera(camera, options.refiner, options.refine != RefinedFrames::None);
   }
   // A pose of the host's type may have been rounded or may have drifted; apso's own is used unchanged.
   [[nodiscard]] static Pose taken(const PoseT& T) {

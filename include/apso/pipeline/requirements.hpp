@@ -2,6 +2,7 @@
 /// What BasicPipeline asks of its parts, with the sentence the compiler shows when something is missing.
 #pragma once
 
+#include <string>
 #include <type_traits>
 #include <utility>
 
@@ -82,6 +83,29 @@ struct RequirePipeline : private require_pose<PoseT>, private require_motion_pol
                 "apso: a refiner needs a type Input, refine(const Input&), remember(frame, dynamic_probability, "
                 "T_world_camera, executor, flow), options() and reset(), and is made from (camera, options); see apso/refinement/refiner.hpp");
 };
+
+template <class T>
+using pyramid_options_t = decltype(std::declval<const T&>().pyramid.finest);
+
+/// Smallest width and height of the finest image that is aligned; FramePyramid refuses smaller ones.
+inline constexpr int kSmallestAligned = 8;  // [px]
+
+/// Refuses at the start the camera that a later step would refuse: one that is none, or too small an image to align.
+/// \param aligned some frames will be refined
+template <class RefinerOptionsT>
+const Pinhole& checked_camera(const Pinhole& camera, const RefinerOptionsT& refiner, bool aligned) {
+  camera.validate();
+  if constexpr (detected_v<pyramid_options_t, RefinerOptionsT>) {
+    const int finest = refiner.pyramid.finest;
+    if (aligned && ((camera.width >> finest) < kSmallestAligned || (camera.height >> finest) < kSmallestAligned)) {
+      const std::string least = std::to_string(kSmallestAligned << finest);
+      contract_violation("Pipeline: the camera has " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+                         " pixels; to be refined at pyramid level " + std::to_string(finest) + " a frame needs at least " + least +
+                         " x " + least);
+    }
+  }
+  return camera;
+}
 
 /// A motion policy in its default setting.
 template <class MotionT>

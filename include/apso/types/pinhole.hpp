@@ -19,11 +19,21 @@ struct Pinhole {
   int width = 0;   ///< image width [px]
   int height = 0;  ///< image height [px]
 
-  /// Throws contract_error unless the focal lengths are positive, all is finite and the size is not empty.
+  /// Limits of what is taken for a camera: far beyond any that is built, and such that no product of these numbers overflows.
+  static constexpr double kMinFocal = 1e-3;     ///< [px]
+  static constexpr double kMaxFocal = 1e6;      ///< [px]
+  static constexpr double kMaxPrincipal = 1e6;  ///< of |cx| and |cy| [px]
+  static constexpr int kMaxSide = 32767;        ///< of width and height [px]; remapping stores pixels in 16 bits
+  static constexpr int kMaxPixels = 100000000;  ///< of width times height
+
+  /// Throws contract_error unless all is within the limits above and the size is not empty. NaN is not.
   void validate() const {
-    expects(std::isfinite(fx) && std::isfinite(fy) && fx > 0 && fy > 0, "Pinhole: fx and fy must be > 0");
-    expects(std::isfinite(cx) && std::isfinite(cy), "Pinhole: cx and cy must be finite");
-    expects(width > 0 && height > 0, "Pinhole: width and height must be > 0");
+    const auto focal = [](double f) { return f >= kMinFocal && f <= kMaxFocal; };
+    expects(focal(fx) && focal(fy), "Pinhole: fx and fy must be > 0, in [0.001, 1e6]");
+    expects(std::abs(cx) <= kMaxPrincipal && std::abs(cy) <= kMaxPrincipal, "Pinhole: cx and cy must be finite, in [-1e6, 1e6]");
+    expects(width > 0 && height > 0 && width <= kMaxSide && height <= kMaxSide,
+            "Pinhole: width and height must be > 0 and at most 32767");
+    expects(width <= kMaxPixels / height, "Pinhole: the image must have at most 100,000,000 pixels");
   }
 
   /// Pixel of a camera point [m]. Valid for Z > 0; the caller checks Z and the image bounds.
