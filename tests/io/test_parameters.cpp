@@ -148,3 +148,40 @@ TEST_CASE("validate names field, value and range") {
     CHECK(contains(e.what(), "outer.inner.gain = 2 is out of range [0, 1]"));
   }
 }
+
+TEST_CASE("a file that says two things is refused with the line of the second") {
+  CHECK(contains(message_of("count: 7\nfast: true\ncount: 8\n"), ":3: 'count' is given twice"));
+  CHECK(contains(message_of("inner:\n  gain: 0.1\n  gain: 0.2\n"), ":3: 'gain' is given twice"));
+  CHECK(contains(message_of("count: 7\n---\ncount: 8\n"), ": a second document begins"));
+  CHECK(message_of("---\ncount: 7\n").empty());
+  CHECK(message_of("").empty());
+  sample::Outer o;
+  CHECK_THROWS_WITH_AS(apso::set_parameter(o, "inner", "{gain: 0.1, gain: 0.2}"), "'inner': 'gain' is given twice", apso::io_error);
+}
+
+TEST_CASE("a folder as parameter file is named as one") {
+  sample::Outer o;
+  const std::string folder = std::filesystem::temp_directory_path().string();
+  CHECK_THROWS_WITH_AS(apso::read_parameters(folder, o), (folder + ": is a folder, expected a YAML file of parameters").c_str(),
+                       apso::io_error);
+}
+
+TEST_CASE("YAML that contains itself, doubles with every alias, or is nested without end is refused") {
+  CHECK(contains(message_of("inner: &a\n  gain: *a\n"), "nested deeper than 32 levels"));
+  std::string bomb = "a0: &a0 [1, 1]\n";
+  for (int i = 1; i < 30; ++i) {
+    const std::string before = "*a" + std::to_string(i - 1);
+    bomb += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [" + before + ", " + before + "]\n";
+  }
+  CHECK(contains(message_of(bomb), "more than 10000 values"));
+  for (const int depth : {40, 100000}) {
+    const std::string text = message_of("count: " + std::string(static_cast<std::size_t>(depth), '[') + std::string(static_cast<std::size_t>(depth), ']'));
+    CHECK_FALSE(text.empty());
+  }
+}
+
+TEST_CASE("control characters in YAML are quoted without their effect") {
+  const std::string text = message_of("\"co\\e[31munt\": 7\n");
+  CHECK(text.find('\x1b') == std::string::npos);
+  CHECK(contains(text, "unknown option 'co\\x1b[31munt'"));
+}

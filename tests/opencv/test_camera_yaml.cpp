@@ -40,10 +40,52 @@ TEST_CASE("a camera is read from YAML, distortion is optional") {
 TEST_CASE("a bad camera file names the field") {
   CHECK(has(message_of("fx: 500\n"), "fy is missing"));
   CHECK(has(message_of(kGood + "k1: much\n"), ":8: field k1 is no number"));
-  CHECK(has(message_of(kGood + "k1: .nan\n"), "k1 is not finite"));
+  CHECK(has(message_of(kGood + "k1: .nan\n"), ":8: field k1 is .nan, expected a number in [-1e+06, 1e+06]"));
   CHECK(has(message_of(kGood + "colour: red\n"), "'colour' is not known"));
-  CHECK(has(message_of("fx: -1\nfy: 510\n"), "fx is not positive"));
+  CHECK(has(message_of("fx: -1\nfy: 510\n"), ":1: field fx is -1, expected a number in [0.001, 1e+06]"));
   CHECK(has(message_of("just text"), "expected fields"));
-  CHECK(has(message_of("fx: [1\n"), "expected YAML"));
+  CHECK(has(message_of("fx: [1\n"), "not valid YAML"));
   CHECK_THROWS_AS((void)camera_from_yaml("/nowhere/camera.yaml"), io_error);
+}
+
+TEST_CASE("a camera that cannot be is refused with line, field and range") {
+  const auto with = [](const std::string& field, const std::string& value) {
+    std::string text = kGood;
+    const std::size_t at = text.find(field + ": ");
+    return message_of(text.substr(0, at) + field + ": " + value + text.substr(text.find('\n', at)));
+  };
+  for (const char* bad : {"1e300", "1e-300", "0", ".inf"}) {
+    CHECK(has(with("fx", bad), (std::string(":1: field fx is ") + bad + ", expected a number in [0.001, 1e+06]").c_str()));
+    CHECK(has(with("fy", bad), ":2: field fy is "));
+    CHECK(has(with("depth_scale", bad), (std::string(":7: field depth_scale is ") + bad + ", expected a number in [0.001, 1e+09]").c_str()));
+  }
+  CHECK(has(with("cy", "-1e300"), ":4: field cy is -1e300, expected a number in [-1e+06, 1e+06]"));
+  CHECK(has(with("width", "100000"), ":5: field width is 100000, expected a number in [1, 32767]"));
+  CHECK(has(with("height", "1e400"), ":6: field height is no number"));
+  CHECK(has(with("height", "480.5"), "field height, expected a whole number"));
+  CHECK(has(message_of("fx: 500\nfy: 510\ncx: 320\ncy: 240\nwidth: 30000\nheight: 30000\ndepth_scale: 1000\n"),
+            "fields width and height are 30000 x 30000, expected at most 100000000 pixels"));
+  CHECK(with("fx", "1e6").empty());
+  CHECK(with("depth_scale", "1").empty());
+  CameraModel c;
+  c.pinhole = {500, 500, 320, 240, 640, 480};
+  c.validate();
+  c.depth_scale = 1e-300;
+  CHECK_THROWS_AS(c.validate(), contract_error);
+  c.depth_scale = 1000;
+  c.k3 = 1e300;
+  CHECK_THROWS_AS(c.validate(), contract_error);
+}
+
+TEST_CASE("a camera file that says two things is refused, and a folder is named") {
+  CHECK(has(message_of(kGood + "fx: 501\n"), ":8: 'fx' is given twice"));
+  CHECK(has(message_of(kGood + "---\n" + kGood), ": a second document begins"));
+  CHECK(has(message_of(kGood + "? [1]\n: 2\n"), ": a name that is no text"));
+  const std::string folder = std::filesystem::temp_directory_path().string();
+  try {
+    (void)camera_from_yaml(folder);
+    CHECK(false);
+  } catch (const io_error& e) {
+    CHECK(std::string(e.what()) == folder + ": is a folder, expected a YAML file that describes a camera");
+  }
 }

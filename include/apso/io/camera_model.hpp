@@ -21,6 +21,11 @@ struct CameraModel {
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;  ///< order and meaning as in OpenCV
   double depth_scale = 5000;                      ///< units of the depth image per metre
 
+  /// Limits of what is taken for a camera, besides those of Pinhole.
+  static constexpr double kMinDepthScale = 1e-3;  ///< [units per metre]: kilometres
+  static constexpr double kMaxDepthScale = 1e9;   ///< [units per metre]: nanometres
+  static constexpr double kMaxDistortion = 1e6;   ///< of each coefficient
+
   [[nodiscard]] bool distorted() const { return k1 != 0 || k2 != 0 || p1 != 0 || p2 != 0 || k3 != 0; }
 
   /// Where the lens puts the ray (x, y, 1).
@@ -32,9 +37,10 @@ struct CameraModel {
 
   void validate() const {
     pinhole.validate();
-    expects(std::isfinite(depth_scale) && depth_scale > 0, "CameraModel: depth_scale must be > 0 (units per metre)");
-    expects(std::isfinite(k1) && std::isfinite(k2) && std::isfinite(p1) && std::isfinite(p2) && std::isfinite(k3),
-            "CameraModel: the distortion must be finite");
+    expects(depth_scale >= kMinDepthScale && depth_scale <= kMaxDepthScale,
+            "CameraModel: depth_scale must be > 0, in [0.001, 1e9] units per metre");
+    for (const double c : {k1, k2, p1, p2, k3})
+      expects(std::abs(c) <= kMaxDistortion, "CameraModel: the distortion must be finite, in [-1e6, 1e6]");
   }
 };
 

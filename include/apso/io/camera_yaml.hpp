@@ -15,7 +15,6 @@
 #pragma once
 
 #include <cmath>
-#include <fstream>
 #include <sstream>
 #include <string>
 
@@ -23,48 +22,41 @@
 
 #include <apso/config.hpp>
 #include <apso/io/camera_model.hpp>
-#include <apso/io/tum_text.hpp>
+#include <apso/io/field_reader.hpp>
+#include <apso/io/yaml_file.hpp>
+#include <apso/printable.hpp>
 
 APSO_NAMESPACE_BEGIN
 
 /// Reads a camera.
-/// \throws io_error naming the file, the line where known, the field and what was expected
+/// \throws io_error naming the file, the line where known, the field and what was expected: a number in its range (those of Pinhole
+///         and CameraModel), no name twice, one document
 [[nodiscard]] inline CameraModel camera_from_yaml(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw io_error(path + ": cannot open, expected a YAML file that describes a camera");
-  std::stringstream text;
-  text << file.rdbuf();
-  YAML::Node root;
-  try {
-    root = YAML::Load(text.str());
-  } catch (const YAML::Exception& e) {
-    throw io_error(path + ":" + std::to_string(e.mark.line + 1) + ": " + e.msg + ", expected YAML");
-  }
+  const YAML::Node root = detail::load_yaml(path, "a YAML file that describes a camera");
   if (!root.IsMap()) throw io_error(path + ": expected fields fx, fy, cx, cy, width, height, depth_scale");
   CameraModel camera;
   camera.name = path;
-  const auto number = [&](const char* name, double& value, bool needed) {
+  const auto number = [&](const char* name, double& value, bool needed, double lowest, double highest) {
     const YAML::Node node = root[name];
     if (!node) {
       if (needed) throw io_error(path + ": field " + name + " is missing, expected a number");
       return;
     }
-    const std::string where = path + ":" + std::to_string(node.Mark().line + 1) + ": field " + name;
+    std::ostringstream text;
+    text << path << ':' << node.Mark().line + 1 << ": field " << name;
     try {
       value = node.as<double>();
     } catch (const YAML::Exception&) {
-      throw io_error(where + " is no number");
+      throw io_error(text.str() + " is no number");
     }
-    if (!std::isfinite(value)) throw io_error(where + " is not finite, expected a number");
-  };
-  const auto positive = [&](const char* name, double& value) {
-    number(name, value, true);
-    if (!(value > 0)) throw io_error(path + ": field " + name + " is not positive, expected a number > 0");
+    if (value >= lowest && value <= highest) return;  // false for NaN
+    text << " is " << printable(node.Scalar()) << ", expected a number in [" << lowest << ", " << highest << "]";
+    throw io_error(text.str());
   };
   const auto pixels = [&](const char* name, int& value) {
     double v = 0;
-    positive(name, v);
-    if (v != std::floor(v) || v > 100000) throw io_error(path + ": field " + name + ", expected a whole number of pixels");
+    number(name, v, true, 1, Pinhole::kMaxSide);
+    if (v != std::floor(v)) throw io_error(path + ": field " + name + ", expected a whole number of pixels");
     value = static_cast<int>(v);
   };
   for (const auto& entry : root) {
@@ -75,22 +67,28 @@ APSO_NAMESPACE_BEGIN
     bool found = false;
     for (const char* k : known) found = found || name == k;
     if (!found)
-      throw io_error(path + ":" + std::to_string(entry.first.Mark().line + 1) + ": field '" + name +
+      throw io_error(path + ":" + std::to_string(entry.first.Mark().line + 1) + ": field '" + printable(name) +
                      "' is not known, expected name fx fy cx cy width height depth_scale k1 k2 p1 p2 k3");
   }
   if (root["name"] && root["name"].IsScalar()) camera.name = root["name"].Scalar();
-  positive("fx", camera.pinhole.fx);
-  positive("fy", camera.pinhole.fy);
-  number("cx", camera.pinhole.cx, true);
-  number("cy", camera.pinhole.cy, true);
+  number("fx", camera.pinhole.fx, true, Pinhole::kMinFocal, Pinhole::kMaxFocal);
+  number("fy", camera.pinhole.fy, true, Pinhole::kMinFocal, Pinhole::kMaxFocal);
+  number("cx", camera.pinhole.cx, true, -Pinhole::kMaxPrincipal, Pinhole::kMaxPrincipal);
+  number("cy", camera.pinhole.cy, true, -Pinhole::kMaxPrincipal, Pinhole::kMaxPrincipal);
   pixels("width", camera.pinhole.width);
   pixels("height", camera.pinhole.height);
-  positive("depth_scale", camera.depth_scale);
-  number("k1", camera.k1, false);
-  number("k2", camera.k2, false);
-  number("p1", camera.p1, false);
-  number("p2", camera.p2, false);
-  number("k3", camera.k3, false);
+  if (camera.pinhole.width > Pinhole::kMaxPixels / camera.pinhole.height)
+    throw io_error(path + ": fields width and height are " + std::to_string(camera.pinhole.width) + " x " +
+                   std::to_string(camera.pinhole.height) + ", expected at most " + std::to_string(Pinhole::kMaxPixels) + " pixels");
+  number("depth_scale", camera.depth_scale, true, CameraModel::kMinDepthScale, CameraModel::kMaxDepthScale);
+  const auto distortion = [&](const char* name, double& value) {
+    number(name, value, false, -CameraModel::kMaxDistortion, CameraModel::kMaxDistortion);
+  };
+  distortion("k1", camera.k1);
+  distortion("k2", camera.k2);
+  distortion("p1", camera.p1);
+  distortion("p2", camera.p2);
+  distortion("k3", camera.k3);
   return camera;
 }
 

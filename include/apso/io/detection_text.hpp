@@ -8,8 +8,10 @@
 /// | `left:L top:T right:R bottom:B class:NAME [score]`    | per image, YOLO scripts  | pixels                    |
 ///
 /// Files per image are named by the stamp of the colour image, e.g. 1341846647.734028.txt. In the last form `width:` and
-/// `height:` may stand instead of `right:` and `bottom:`, the score may be `score:S`, and blanks after colons and commas
-/// between fields are accepted. A missing score is 1.
+/// `height:` may stand instead of `right:` and `bottom:`, the score may be `score:S`, and blanks after colons are accepted.
+/// A missing score is 1. Comments, separators and line ends are as in field_reader.hpp. What a form does not have is refused: more
+/// fields, a class that is no whole number or known name, coordinates beyond kMaxBoxCoordinate, and more than kMaxObjects objects
+/// in one image.
 #pragma once
 
 #include <algorithm>
@@ -19,6 +21,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <locale>
 #include <map>
 #include <sstream>
@@ -28,7 +31,8 @@
 #include <vector>
 
 #include <apso/config.hpp>
-#include <apso/io/tum_text.hpp>
+#include <apso/io/field_reader.hpp>
+#include <apso/printable.hpp>
 #include <apso/types/detection.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -68,8 +72,7 @@ struct ClassList {
 
 /// Class names from a file, one per line. Throws io_error when it cannot be read or is empty.
 [[nodiscard]] inline std::vector<std::string> read_class_names(const std::string& file) {
-  std::ifstream stream(file);
-  if (!stream) throw io_error(file + ": cannot open the list of classes, expected a text file with one name per line");
+  std::ifstream stream = detail::open_text(file, "a text file with one class name per line");
   std::vector<std::string> names;
   for (std::string line; std::getline(stream, line);) {
     while (!line.empty() && std::isspace(static_cast<unsigned char>(line.back())) != 0) line.pop_back();
@@ -79,6 +82,9 @@ struct ClassList {
   return names;
 }
 
+/// Largest coordinate of a box and largest size that is read [px].
+inline constexpr double kMaxBoxCoordinate = 1e6;
+
 namespace detail {
 [[nodiscard]] inline bool number_in(const std::string& text, double& value) {
   std::istringstream stream(text);
@@ -86,75 +92,92 @@ namespace detail {
   return static_cast<bool>(stream >> value) && stream.peek() == std::istringstream::traits_type::eof() && std::isfinite(value);
 }
 
-/// A line in one of the two forms per image. Returns what is wrong, or nothing.
-[[nodiscard]] inline std::string parse_detection(const std::string& line, int width, int height, const ClassList& classes,
-                                                 Detection& d) {
-  std::string spaced;
-  for (char c : line) {
-    if (c == ':') {
-      spaced += ": ";
-    } else {
-      spaced += c == ',' || c == '\r' || c == '\t' ? ' ' : c;
-    }
+/// A line `class_id centre_x centre_y width height [score]`. Returns what is wrong, or nothing.
+[[nodiscard]] inline std::string parse_shares(const std::vector<std::string>& fields, int width, int height,
+                                              const ClassList& classes, Detection& d) {
+  if (fields.size() != 5 && fields.size() != 6)
+    return "expected 'class_id centre_x centre_y width height [score]' or 'left:.. top:.. right:.. bottom:.. class:.. score'";
+  d.class_id = classes.id_of(fields[0]);
+  if (d.class_id < 0) return "the class '" + printable(fields[0]) + "' is neither a whole number nor a known name";
+  double v[5] = {0, 0, 0, 0, 1};
+  for (std::size_t i = 1; i < fields.size(); ++i) {
+    if (!number_in(fields[i], v[i - 1])) return "'" + printable(fields[i]) + "' is not a number";
+    if (!(v[i - 1] >= 0 && v[i - 1] <= 1)) return "'" + printable(fields[i]) + "' is outside of [0,1]; boxes are shares of the image here";
   }
-  std::istringstream stream(spaced);
-  std::vector<std::string> fields;
-  for (std::string f; stream >> f;) fields.push_back(f);
-  double v[5];
-  if (line.find(':') == std::string::npos) {
-    if (fields.size() != 5 && fields.size() != 6)
-      return "expected 'class_id centre_x centre_y width height [score]' or 'left:.. top:.. right:.. bottom:.. class:.. score'";
-    d.class_id = classes.id_of(fields[0]);
-    if (d.class_id < 0) return "the class '" + fields[0] + "' is neither a number nor a known name";
-    v[4] = 1;
-    for (std::size_t i = 1; i < fields.size(); ++i) {
-      if (!number_in(fields[i], v[i - 1])) return "'" + fields[i] + "' is not a number";
-      if (!(v[i - 1] >= 0 && v[i - 1] <= 1)) return "'" + fields[i] + "' is outside of [0,1]; boxes are shares of the image here";
-    }
-    d.box.width = static_cast<float>(v[2] * width);
-    d.box.height = static_cast<float>(v[3] * height);
-    d.box.x = static_cast<float>(v[0] * width) - d.box.width / 2;
-    d.box.y = static_cast<float>(v[1] * height) - d.box.height / 2;
-    d.score = static_cast<float>(v[4]);
-    return {};
-  }
-  std::map<std::string, std::string> value;
-  std::string key;
-  for (const std::string& f : fields) {
-    if (f.back() == ':') {
-      key = f.substr(0, f.size() - 1);
+  d.box.width = static_cast<float>(v[2] * width);
+  d.box.height = static_cast<float>(v[3] * height);
+  d.box.x = static_cast<float>(v[0] * width) - d.box.width / 2;
+  d.box.y = static_cast<float>(v[1] * height) - d.box.height / 2;
+  d.score = static_cast<float>(v[4]);
+  return {};
+}
+
+/// The pairs of a line `name:value name: value ... [score]`. Returns what is wrong, or nothing.
+[[nodiscard]] inline std::string collect_pairs(const std::vector<std::string>& fields, std::map<std::string, std::string>& value) {
+  std::string key;  // whose value comes next; the class may have several words
+  const auto put = [&](const std::string& name, const std::string& text) -> std::string {
+    static constexpr const char* known[] = {"left", "top", "right", "bottom", "width", "height", "class", "score"};
+    if (std::none_of(std::begin(known), std::end(known), [&](const char* k) { return name == k; }))
+      return "'" + printable(name) + ":' is not known, expected left top right bottom width height class score";
+    return value.emplace(name, text).second ? std::string() : "'" + name + "' is given twice";
+  };
+  for (const std::string& field : fields) {
+    const std::size_t colon = field.find(':');
+    std::string rest = field;
+    if (colon != std::string::npos) {
+      if (!key.empty() && value.count(key) == 0) return "'" + printable(key) + ":' has no value";
+      key = field.substr(0, colon);
       if (key == "conf" || key == "confidence" || key == "prob") key = "score";
-    } else if (key.empty()) {
-      value["score"] = f;  // the number after the last pair
-    } else if (key == "class" && value.count("class") != 0) {
-      double number = 0;  // "class:person 0.79" or "class:traffic light 0.79"
-      if (number_in(f, number)) {
-        value["score"] = f;
-        key.clear();
-      } else {
-        value["class"] += ' ' + f;
-      }
-    } else {
-      value[key] = f;
-      if (key != "class") key.clear();
+      rest = field.substr(colon + 1);
+      if (rest.empty()) continue;
     }
+    double number = 0;
+    const bool more_of_class = key == "class" && value.count("class") != 0;
+    if (more_of_class && !number_in(rest, number)) {
+      value["class"] += ' ' + rest;  // "class:traffic light 0.79"
+      continue;
+    }
+    const std::string wrong = put(key.empty() || more_of_class ? "score" : key, rest);
+    if (!wrong.empty()) return wrong;
+    if (key != "class" || more_of_class) key.clear();
   }
-  const auto get = [&](const char* name, double& out) { return value.count(name) != 0 && number_in(value[name], out); };
-  if (!get("left", v[0]) || !get("top", v[1])) return "needs 'left:' and 'top:' with numbers";
-  if (get("right", v[2]) && get("bottom", v[3])) {
+  return !key.empty() && value.count(key) == 0 ? "'" + printable(key) + ":' has no value" : std::string();
+}
+
+/// A line of such pairs. Returns what is wrong, or nothing.
+[[nodiscard]] inline std::string parse_pairs(const std::vector<std::string>& fields, const ClassList& classes, Detection& d) {
+  std::map<std::string, std::string> value;
+  const std::string wrong = collect_pairs(fields, value);
+  if (!wrong.empty()) return wrong;
+  const auto get = [&](const char* name, double& out) {
+    return value.count(name) != 0 && number_in(value[name], out) && std::abs(out) <= kMaxBoxCoordinate;
+  };
+  const bool corners = value.count("right") != 0 && value.count("bottom") != 0;
+  if (value.size() != 4 + value.count("class") + value.count("score"))
+    return "needs 'left:' and 'top:', and either 'right:' and 'bottom:' or 'width:' and 'height:'";
+  double v[5];
+  v[4] = 1;
+  if (!get("left", v[0]) || !get("top", v[1])) return "needs 'left:' and 'top:' with numbers in [-1e6, 1e6]";
+  if (!get(corners ? "right" : "width", v[2]) || !get(corners ? "bottom" : "height", v[3]))
+    return "needs 'right:' and 'bottom:', or 'width:' and 'height:', with numbers in [-1e6, 1e6]";
+  if (corners) {
     v[2] -= v[0];
     v[3] -= v[1];
-  } else if (!get("width", v[2]) || !get("height", v[3])) {
-    return "needs 'right:' and 'bottom:', or 'width:' and 'height:', with numbers";
   }
   if (!(v[2] >= 0 && v[3] >= 0)) return "the box has a negative size";
-  v[4] = 1;
   if (value.count("score") != 0 && !(get("score", v[4]) && v[4] >= 0 && v[4] <= 1)) return "the score must be in [0,1]";
   d.class_id = classes.id_of(value.count("class") != 0 ? value["class"] : "0");
-  if (d.class_id < 0) return "the class '" + value["class"] + "' is neither a number nor a known name";
+  if (d.class_id < 0) return "the class '" + printable(value["class"]) + "' is neither a whole number nor a known name";
   d.box = {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2]), static_cast<float>(v[3])};
   d.score = static_cast<float>(v[4]);
   return {};
+}
+
+/// Takes in one more object of an image. Throws io_error when there are too many.
+inline void add_object(const Detection& d, const std::string& where, std::vector<Detection>& objects) {
+  if (objects.size() == kMaxObjects)
+    throw io_error(where + "more than " + std::to_string(kMaxObjects) + " objects in one image, leave out the weaker ones");
+  objects.push_back(d);
 }
 }  // namespace detail
 
@@ -163,17 +186,16 @@ namespace detail {
 /// Throws io_error naming file and line.
 [[nodiscard]] inline std::vector<Detection> read_detections(const std::string& file, int width, int height,
                                                             const ClassList& classes = {}) {
-  std::ifstream stream(file);
-  if (!stream) throw io_error(file + ": cannot open the detections");
+  detail::FieldReader reader(file, "a text file with the detections of an image");
   std::vector<Detection> found;
-  std::string line;
-  for (int number = 1; std::getline(stream, line); ++number) {
-    if (line.find_first_not_of(" \t\r,") == std::string::npos || line[0] == '#') continue;
+  while (reader.next()) {
+    const std::vector<std::string>& fields = reader.fields();
+    const bool pairs = std::any_of(fields.begin(), fields.end(), [](const std::string& f) { return f.find(':') != std::string::npos; });
     Detection d;
-    const std::string wrong = detail::parse_detection(line, width, height, classes, d);
-    if (!wrong.empty()) throw io_error(file + ":" + std::to_string(number) + ": " + wrong + ", got '" + line + "'");
+    const std::string wrong = pairs ? detail::parse_pairs(fields, classes, d) : detail::parse_shares(fields, width, height, classes, d);
+    if (!wrong.empty()) throw io_error(reader.where() + wrong + ", got '" + printable(reader.line(), 100) + "'");
     d.movable = classes.can_move(d.class_id);
-    found.push_back(d);
+    detail::add_object(d, reader.where(), found);
   }
   return found;
 }
@@ -223,7 +245,8 @@ class DetectionLog {
   /// Throws io_error naming file and line. Files of a folder are read when they are asked for.
   DetectionLog(const std::string& path, int width, int height, ClassList classes = {})
       : width_(width), height_(height), classes_(std::move(classes)) {
-    if (std::filesystem::is_directory(path)) {
+    std::error_code code;
+    if (std::filesystem::is_directory(path, code)) {
       files_.emplace_back(path, std::vector<std::string>{".txt"});
     } else {
       read_log(path);
@@ -244,23 +267,24 @@ class DetectionLog {
 
  private:
   void read_log(const std::string& file) {
-    std::ifstream stream(file);
-    if (!stream) throw io_error(file + ": cannot open the detection file");
-    std::string line;
-    for (int number = 1; std::getline(stream, line); ++number) {
-      if (line.find_first_not_of(" \t\r") == std::string::npos || line[0] == '#') continue;
-      std::istringstream text(line);
-      text.imbue(std::locale::classic());
-      double stamp = 0;
+    detail::FieldReader reader(file, "a text file of detections");
+    constexpr double limit = kMaxBoxCoordinate;
+    while (reader.next()) {
+      reader.expect_fields(7, "timestamp left top width height score class_id");
+      const double stamp = reader.finite_number(0, "timestamp");
       Detection d;
-      if (!(text >> stamp >> d.box.x >> d.box.y >> d.box.width >> d.box.height >> d.score >> d.class_id) ||
-          !(d.box.width >= 0) || !(d.box.height >= 0) || !(d.score >= 0 && d.score <= 1)) {
-        throw io_error(file + ":" + std::to_string(number) +
-                       ": expected 'timestamp left top width height score class_id' with sizes >= 0 and score in [0,1], "
-                       "got '" + line + "'");
+      d.box.x = static_cast<float>(reader.number_in(1, "left", -limit, limit));
+      d.box.y = static_cast<float>(reader.number_in(2, "top", -limit, limit));
+      d.box.width = static_cast<float>(reader.number_in(3, "width", 0, limit));
+      d.box.height = static_cast<float>(reader.number_in(4, "height", 0, limit));
+      d.score = static_cast<float>(reader.number_in(5, "score", 0, 1));
+      d.class_id = classes_.id_of(reader.fields()[6]);
+      if (d.class_id < 0) {
+        throw io_error(reader.where() + "field 7 (class_id) is '" + printable(reader.fields()[6], 32) +
+                       "', expected a whole number or a known name without blanks");
       }
       d.movable = classes_.can_move(d.class_id);
-      lines_[stamp].push_back(d);
+      detail::add_object(d, reader.where(), lines_[stamp]);
     }
   }
 

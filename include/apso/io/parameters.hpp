@@ -10,7 +10,6 @@
 /// ranges: list_parameters().
 #pragma once
 
-#include <fstream>
 #include <sstream>
 #include <string>
 #include <type_traits>
@@ -19,8 +18,10 @@
 #include <yaml-cpp/yaml.h>
 
 #include <apso/config.hpp>
+#include <apso/io/field_reader.hpp>
+#include <apso/io/yaml_file.hpp>
 #include <apso/options.hpp>
-#include <apso/io/tum_text.hpp>
+#include <apso/printable.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -41,7 +42,7 @@ class YamlReader {
     read(name, item, value);
     if (!(value >= static_cast<T>(lowest) && value <= static_cast<T>(highest))) {
       std::ostringstream text;
-      text << "'" << path(name) << "' = " << item.Scalar() << " is out of range [" << lowest << ", " << highest << "]";
+      text << "'" << path(name) << "' = " << printable(item.Scalar()) << " is out of range [" << lowest << ", " << highest << "]";
       fail(item, text.str());
     }
   }
@@ -80,7 +81,7 @@ class YamlReader {
         found = found || k == key;
         known += (known.empty() ? "" : ", ") + k;
       }
-      if (!found) fail(entry.first, "unknown option '" + path(key) + "', known here: " + known);
+      if (!found) fail(entry.first, "unknown option '" + path(printable(key)) + "', known here: " + known);
     }
   }
 
@@ -193,9 +194,9 @@ template <class Options>
 void set_parameter(Options& options, const std::string& path, const std::string& value) {
   YAML::Node node;
   try {
-    node = YAML::Load(value);
-  } catch (const YAML::Exception& e) {
-    throw io_error("'" + path + "': not valid YAML: " + e.msg);
+    node = detail::parse_yaml(value, "");
+  } catch (const io_error& e) {
+    throw io_error("'" + path + "': " + e.what());
   }
   std::size_t end = path.size();
   while (true) {
@@ -216,18 +217,10 @@ void set_parameter(Options& options, const std::string& path, const std::string&
 
 /// Sets the fields named in the YAML file; the others keep their values.
 /// Throws io_error naming file, line and field for a missing file, a syntax error, an unknown name, a value of the
-/// wrong kind or out of range.
+/// wrong kind or out of range, a name that is given twice and a second document.
 template <class Options>
 void read_parameters(const std::string& file, Options& options) {
-  std::ifstream stream(file);
-  if (!stream) throw io_error(file + ": cannot open the parameter file");
-  YAML::Node root;
-  try {
-    root = YAML::Load(stream);
-  } catch (const YAML::Exception& e) {
-    throw io_error(file + ":" + std::to_string(e.mark.line + 1) + ": not valid YAML: " + e.msg);
-  }
-  detail::YamlReader reader(root, file, "");
+  detail::YamlReader reader(detail::load_yaml(file, "a YAML file of parameters"), file, "");
   Options::fields(options, reader);
   reader.finish();
 }

@@ -7,14 +7,10 @@
 #pragma once
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstddef>
 #include <fstream>
-#include <limits>
 #include <locale>
-#include <sstream>
-#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,16 +19,10 @@
 
 #include <apso/config.hpp>
 #include <apso/evaluation/trajectory.hpp>
+#include <apso/io/field_reader.hpp>
 #include <apso/math/se3.hpp>
 
 APSO_NAMESPACE_BEGIN
-
-/// A file that cannot be read or written, or whose content is not what it should be. The message begins with
-/// "file:line: " (or "file: ") and says what was found and what was expected.
-class io_error : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
 
 /// A line of rgb.txt or depth.txt.
 struct FileListEntry {
@@ -49,100 +39,6 @@ struct ImageAssociation {
 };
 
 namespace detail {
-/// Reads a text file line by line, as fields, and knows where it is.
-class FieldReader {
- public:
-  explicit FieldReader(const std::string& path) : path_(path), file_(path) {
-    if (!file_) throw io_error(path_ + ": cannot open, expected a readable text file");
-    file_.peek();
-    if (file_.bad()) throw io_error(path_ + ": cannot read, expected a text file (is it a folder?)");
-    file_.clear();
-    number_.imbue(std::locale::classic());
-  }
-
-  /// Next line with content. \return false at the end of the file
-  bool next() {
-    while (std::getline(file_, text_)) {
-      ++line_;
-      if (line_ == 1 && text_.compare(0, 3, "\xEF\xBB\xBF") == 0) text_.erase(0, 3);
-      split();
-      if (!fields_.empty() && fields_[0][0] != '#') return true;
-    }
-    if (file_.bad()) throw io_error(path_ + ": reading failed");
-    return false;
-  }
-
-  [[nodiscard]] const std::vector<std::string>& fields() const { return fields_; }
-  [[nodiscard]] std::string where() const { return path_ + ":" + std::to_string(line_) + ": "; }
-
-  void expect_fields(std::size_t count, const char* names) const {
-    if (fields_.size() == count) return;
-    throw io_error(where() + "found " + std::to_string(fields_.size()) + (fields_.size() == 1 ? " field" : " fields") +
-                   ", expected " + std::to_string(count) + ": " + names);
-  }
-
-  /// Field i as a number; "nan" and "inf" (any case, signed) and numbers too large for a double are read as NaN.
-  double number(std::size_t i, const char* name) {
-    const std::string& field = fields_[i];
-    double value = 0;
-    number_.clear();
-    number_.str(field);
-    number_ >> value;
-    const bool parsed = !number_.fail() && number_.peek() == std::istringstream::traits_type::eof();
-    if (parsed && std::isfinite(value)) return value;
-    if (is_infinity_or_nan(field) || is_overflow(field, value)) return std::numeric_limits<double>::quiet_NaN();
-    throw io_error(where() + "field " + std::to_string(i + 1) + " (" + name + ") is '" + shorten(field) +
-                   "', expected a number");
-  }
-
-  /// Field i as a finite number.
-  double finite_number(std::size_t i, const char* name) {
-    const double value = number(i, name);
-    if (std::isfinite(value)) return value;
-    throw io_error(where() + "field " + std::to_string(i + 1) + " (" + name + ") is '" + shorten(fields_[i]) +
-                   "', expected a finite number");
-  }
-
- private:
-  void split() {
-    fields_.clear();
-    std::string field;
-    for (const char c : text_) {
-      if (c == ' ' || c == '\t' || c == ',' || c == '\r') {
-        if (!field.empty()) fields_.push_back(std::move(field));
-        field.clear();
-      } else {
-        field += c;
-      }
-    }
-    if (!field.empty()) fields_.push_back(std::move(field));
-  }
-  static bool is_infinity_or_nan(const std::string& field) {
-    std::string s;
-    for (const char c : field) s += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    if (!s.empty() && (s[0] == '+' || s[0] == '-')) s.erase(0, 1);
-    return s == "nan" || s == "inf" || s == "infinity";
-  }
-  /// A well-formed number that is too large: the stream fails and leaves the largest double.
-  static bool is_overflow(const std::string& field, double value) {
-    return std::abs(value) == std::numeric_limits<double>::max() &&
-           field.find_first_not_of("+-.0123456789eE") == std::string::npos;
-  }
-  /// What is quoted of a field: printable and short, so that a binary file gives a readable message.
-  static std::string shorten(const std::string& field) {
-    std::string s = field.substr(0, 32);
-    for (char& c : s) c = std::isprint(static_cast<unsigned char>(c)) != 0 ? c : '?';
-    return field.size() > 32 ? s + "..." : s;
-  }
-
-  std::string path_;
-  std::ifstream file_;
-  std::string text_;
-  std::vector<std::string> fields_;
-  std::istringstream number_;
-  std::size_t line_ = 0;
-};
-
 inline void warn(std::vector<std::string>* warnings, const std::string& text) {
   if (warnings != nullptr) warnings->push_back(text);
 }
@@ -186,7 +82,7 @@ void sort_by_time(std::vector<T>& rows, Stamp&& stamp, const std::string& path, 
 }  // namespace detail
 
 /// Reads a trajectory, lines of `timestamp tx ty tz qx qy qz qw` (seconds, metres, unit quaternion).
-/// Lines with NaN or infinite values are skipped, as the benchmark's scripts do; unsorted files are sorted; of
+/// Lines with NaN or infinite values are skipped, as the benchmark's scripts do, and so are positions beyond kMaxDistance; unsorted files are sorted; of
 /// repeated stamps the first is kept; quaternions are normalised. Each of these is reported in `warnings`.
 /// \throws io_error when the file cannot be read, a line is malformed, a quaternion is zero, or no pose is left
 [[nodiscard]] inline Trajectory read_trajectory(const std::string& path, std::vector<std::string>* warnings = nullptr) {
@@ -204,6 +100,13 @@ void sort_by_time(std::vector<T>& rows, Stamp&& stamp, const std::string& path, 
     }
     if (bad != nullptr) {
       detail::warn(warnings, reader.where() + bad + " is not finite, line skipped");
+      continue;
+    }
+    for (std::size_t i = 1; i < 4 && bad == nullptr; ++i) {
+      if (std::abs(v[i]) > kMaxDistance) bad = names[i];
+    }
+    if (bad != nullptr) {
+      detail::warn(warnings, reader.where() + bad + " is beyond 1e9 m, line skipped");
       continue;
     }
     double largest = 0;  // taken out, so that no square overflows
