@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -418,3 +419,53 @@ TEST_CASE("names that are wrong, or lack their files, say so") {
 }
 
 }  // namespace
+
+TEST_CASE("an image too small for a person has none, whatever its shape") {
+  opencv::HogPeople people;
+  for (const auto& [width, height] : {std::pair<int, int>{1, 1}, {1, 480}, {640, 1}, {2, 3}, {63, 480}, {640, 127}}) {
+    const Image<float> grey(width, height, 0.5F);
+    CAPTURE(width);
+    CAPTURE(height);
+    CHECK(people.detect(RgbdFrame{0, grey, grey}).empty());
+  }
+}
+
+TEST_CASE("outputs that are no numbers give no objects") {
+  const float inf = std::numeric_limits<float>::infinity();
+  for (const float bad : {std::numeric_limits<float>::quiet_NaN(), inf, -inf, 3e38F, -3e38F, 1e10F}) {
+    CAPTURE(bad);
+    for (int k = 0; k < 6; ++k) {  // YOLOv10: corners, score, class
+      float row[6] = {10, 20, 40, 80, 0.9F, 7};
+      row[k] = bad;
+      const int shape[3] = {1, 1, 6};
+      const auto found = opencv::decode({"out"}, {cv::Mat(3, shape, CV_32F, row)}, opencv::NetworkHead::YoloEnd, 64, 64, 0.5F);
+      CAPTURE(k);
+      CHECK(found.objects.size() == (k == 4 && bad > 0 ? 1 : 0));  // a score of more than one is one
+    }
+    for (int k = 1; k < 7; ++k) {  // image, class, score, corners as shares
+      float row[7] = {0, 1, 0.9F, 0.25F, 0.25F, 0.5F, 0.75F};
+      row[k] = bad;
+      const int shape[4] = {1, 1, 1, 7};
+      const auto found = opencv::decode({"out"}, {cv::Mat(4, shape, CV_32F, row)}, opencv::NetworkHead::Auto, 64, 64, 0.5F);
+      CAPTURE(k);
+      CHECK(found.objects.size() == (k == 2 && bad > 0 ? 1 : 0));
+    }
+    float box[4] = {10, 20, 40, 80};
+    float label = bad;
+    float score = 0.9F;
+    const auto found = opencv::decode({"boxes", "labels", "scores"}, {cv::Mat(1, 4, CV_32F, box), cv::Mat(1, 1, CV_32F, &label), cv::Mat(1, 1, CV_32F, &score)},
+                                      opencv::NetworkHead::Rcnn, 64, 64, 0.5F);
+    CHECK(found.objects.empty());
+  }
+}
+
+TEST_CASE("ten thousand boxes of a network: three hundred are kept, the best ones") {
+  std::vector<opencv::NetworkObject> all(10000);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    all[i].box = {static_cast<float>(i % 100) * 10, static_cast<float>(i / 100) * 10, 9, 9};
+    all[i].score = static_cast<float>((i * 7919) % 10000) / 10000;
+  }
+  const std::vector<std::size_t> kept = opencv::suppress(all, 0.5F);
+  REQUIRE(kept.size() == 300);
+  for (const std::size_t i : kept) CHECK(all[i].score >= 0.97F);  // 300 of the scores 0, 0.0001, ... 0.9999 are
+}

@@ -39,16 +39,17 @@ class HogPeople {
     hog_.setSVMDetector(cv::HOGDescriptor::getDefaultPeopleDetector());
   }
 
-  /// Score: 1 / (1 + exp(-2 margin)). Valid until the next call.
+  /// Score: 1 / (1 + exp(-2 margin)). None in an image smaller than the trained window. Valid until the next call.
   const std::vector<Detection>& detect(const AnyFrame& frame) {
     constexpr double kStep = 1.08;    // ratio of the sizes that are searched; OpenCV's own 1.05 searches 1.6 times as many
     constexpr float kOverlap = 0.4F;  // of two boxes that overlap more (IoU), the weaker one is dropped
     constexpr float kShrink = 0.15F;  // boxes are made smaller by this share, since the trained ones have a wide border
     expects(!frame.intensity().empty(), "HogPeople: the intensity image is empty");
     gray_of(frame.intensity(), row_, gray_);
-    cv::resize(gray_, small_, {}, options_.resize, options_.resize, options_.resize < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
     found_.clear();
-    if (small_.cols < hog_.winSize.width || small_.rows < hog_.winSize.height) return found_;
+    const cv::Size size(cvRound(gray_.cols * options_.resize), cvRound(gray_.rows * options_.resize));
+    if (size.width < hog_.winSize.width || size.height < hog_.winSize.height) return found_;
+    cv::resize(gray_, small_, size, 0, 0, options_.resize < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
     // people who fill the view reach beyond it: the search window must, too
     const int border = 16;
     cv::copyMakeBorder(small_, wide_, border, border, border, border, cv::BORDER_REPLICATE);

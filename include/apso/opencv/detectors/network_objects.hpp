@@ -71,7 +71,7 @@ struct Letterbox {
   const cv::Rect full(limit(std::floor(box.x)), limit(std::floor(box.y)), std::max(1, limit(std::ceil(box.width))),
                       std::max(1, limit(std::ceil(box.height))));
   const cv::Rect r = full & whole;
-  if (o.coefficients.empty() && o.mask < 0) return false;
+  if (o.coefficients.empty() ? o.mask < 0 || found.masks.empty() : found.prototypes.empty()) return false;
   out.assign(width, height, 0);
   if (r.empty()) return true;
   cv::Mat value;   // over `sampled`, positive inside

@@ -12,7 +12,8 @@
 #include <opencv2/core.hpp>
 
 #include <apso/config.hpp>
-#include <apso/io/tum_text.hpp>
+#include <apso/io/detection_text.hpp>
+#include <apso/io/field_reader.hpp>
 #include <apso/types/detection.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -67,6 +68,15 @@ namespace detail {
   return m.dims == 1 || (m.dims == 2 && (m.size[1] == 1 || m.size[0] == 1) && m.size[1] != 4);
 }
 
+/// The class that a number names; -1 for what names none: a negative one, NaN, a million or more.
+[[nodiscard]] inline int class_of(float number) { return number > -1 && number < 1e6F ? static_cast<int>(number) : -1; }
+/// True for an object to be kept: scored high enough, of a class, with a box of some size within kMaxBoxCoordinate.
+[[nodiscard]] inline bool usable(const NetworkObject& o, float minimum_score) {
+  const auto limited = [](float v) { return std::abs(v) <= static_cast<float>(kMaxBoxCoordinate); };  // false for NaN
+  return o.score >= minimum_score && o.class_id >= 0 && o.box.width > 0 && o.box.height > 0 && limited(o.box.x) && limited(o.box.y) &&
+         limited(o.box.width) && limited(o.box.height);
+}
+
 inline void decode_yolo(const cv::Mat& out, NetworkHead head, int coefficients, float minimum_score, NetworkObjects& result) {
   const bool columns = head == NetworkHead::YoloColumns;
   const int n = out.size[columns ? 2 : 1];
@@ -82,7 +92,7 @@ inline void decode_yolo(const cv::Mat& out, NetworkHead head, int coefficients, 
     NetworkObject o;
     if (head == NetworkHead::YoloEnd) {
       o.score = at(i, 4);
-      o.class_id = static_cast<int>(at(i, 5));
+      o.class_id = class_of(at(i, 5));
       o.box = {at(i, 0), at(i, 1), at(i, 2) - at(i, 0), at(i, 3) - at(i, 1)};
     } else {
       float best = 0;
@@ -95,16 +105,15 @@ inline void decode_yolo(const cv::Mat& out, NetworkHead head, int coefficients, 
       o.score = head == NetworkHead::YoloRows ? best * at(i, 4) : best;
       o.box = {at(i, 0) - at(i, 2) / 2, at(i, 1) - at(i, 3) / 2, at(i, 2), at(i, 3)};
     }
-    const float sum = o.box.x + o.box.y + o.box.width + o.box.height;
-    if (!(o.score >= minimum_score) || !std::isfinite(sum) || !(o.box.width > 0) || !(o.box.height > 0)) continue;
+    if (!usable(o, minimum_score)) continue;
     o.score = std::min(o.score, 1.0F);
     for (int c = 0; c < coefficients; ++c) o.coefficients.push_back(at(i, first + classes + c));
     result.objects.push_back(std::move(o));
   }
 }
 
-inline void decode_rcnn(const std::vector<std::string>& names, const std::vector<cv::Mat>& outputs, float minimum_score,
-                        NetworkObjects& result) {
+inline void decode_rcnn(const std::vector<std::string>& names, const std::vector<cv::Mat>& outputs, float input_width,
+                        float input_height, float minimum_score, NetworkObjects& result) {
   const cv::Mat* boxes = nullptr;
   const cv::Mat* rows7 = nullptr;
   const cv::Mat* labels = nullptr;
@@ -123,11 +132,11 @@ inline void decode_rcnn(const std::vector<std::string>& names, const std::vector
     const float* r = rows7->ptr<float>();
     for (int i = 0; i < rows7->size[2]; ++i, r += 7) {
       NetworkObject o;
-      o.class_id = static_cast<int>(r[1]);
+      o.class_id = class_of(r[1]);
       o.score = r[2];
-      o.box = {r[3], r[4], r[5] - r[3], r[6] - r[4]};
+      o.box = {r[3] * input_width, r[4] * input_height, (r[5] - r[3]) * input_width, (r[6] - r[4]) * input_height};
       o.mask = masks != nullptr ? i : -1;
-      if (o.score >= minimum_score && o.box.width > 0 && o.box.height > 0) result.objects.push_back(o);
+      if (usable(o, minimum_score)) result.objects.push_back(o);
     }
   } else {
     if (boxes == nullptr || scores == nullptr || labels == nullptr) {
@@ -140,11 +149,11 @@ inline void decode_rcnn(const std::vector<std::string>& names, const std::vector
     const float* b = boxes->ptr<float>();
     for (int i = 0; i < n; ++i, b += 4) {
       NetworkObject o;
-      o.class_id = static_cast<int>(labels->ptr<float>()[i]);
+      o.class_id = class_of(labels->ptr<float>()[i]);
       o.score = scores->ptr<float>()[i];
       o.box = {b[0], b[1], b[2] - b[0], b[3] - b[1]};
       o.mask = masks != nullptr ? i : -1;
-      if (o.score >= minimum_score && o.box.width > 0 && o.box.height > 0) result.objects.push_back(o);
+      if (usable(o, minimum_score)) result.objects.push_back(o);
     }
   }
   if (masks != nullptr) result.masks = *masks;
@@ -153,7 +162,7 @@ inline void decode_rcnn(const std::vector<std::string>& names, const std::vector
 
 /// Reads the outputs of a network. Boxes come in pixels of the input. Throws io_error for outputs it does not know, with
 /// their names and shapes and what would be understood.
-/// \param minimum_score objects with less are left out
+/// \param minimum_score objects with less are left out, as are those whose box or class is no number (NaN, infinite, huge)
 [[nodiscard]] inline NetworkObjects decode(const std::vector<std::string>& names, const std::vector<cv::Mat>& outputs,
                                            NetworkHead head, int input_width, int input_height, float minimum_score) {
   expects(names.size() == outputs.size(), "decode: one name per output");
@@ -180,13 +189,7 @@ inline void decode_rcnn(const std::vector<std::string>& names, const std::vector
     }
   }
   if (head == NetworkHead::Rcnn) {
-    detail::decode_rcnn(names, outputs, minimum_score, result);
-    if (has_rows7) {
-      for (NetworkObject& o : result.objects) {
-        o.box = {o.box.x * static_cast<float>(input_width), o.box.y * static_cast<float>(input_height),
-                 o.box.width * static_cast<float>(input_width), o.box.height * static_cast<float>(input_height)};
-      }
-    }
+    detail::decode_rcnn(names, outputs, static_cast<float>(input_width), static_cast<float>(input_height), minimum_score, result);
     return result;
   }
   if (rows == nullptr) detail::unknown_outputs(names, outputs, "no output of three dimensions");
