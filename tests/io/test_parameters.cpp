@@ -185,3 +185,9 @@ TEST_CASE("control characters in YAML are quoted without their effect") {
   CHECK(text.find('\x1b') == std::string::npos);
   CHECK(contains(text, "unknown option 'co\\x1b[31munt'"));
 }
+
+TEST_CASE("YAML in which the reader finds empty documents without end is refused") {
+  CHECK(contains(message_of(",name: 1\ncount: 7\n"), ": a second document begins"));
+  CHECK(contains(message_of("count: 7\n}\n"), ":"));
+  CHECK(message_of("count: 7\n...\n").empty());
+}

@@ -2,12 +2,12 @@
 /// YAML text that means one thing: one document, no name twice. Needs yaml-cpp.
 #pragma once
 
-#include <cstddef>
+#include <fstream>
 #include <set>
 #include <sstream>
 #include <string>
-#include <vector>
 
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include <apso/config.hpp>
@@ -48,21 +48,43 @@ class YamlChecker {
   int nodes_ = 0;
 };
 
+/// Where a document begins; takes no notice of what is in it.
+class DocumentStart : public YAML::EventHandler {
+ public:
+  int line = -1;  ///< counted from 0
+  void OnDocumentStart(const YAML::Mark& mark) override { line = mark.line; }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnMapEnd() override {}
+};
+
 /// The one document of a text; a null node where there is nothing. Throws io_error with the line where it is not valid YAML, has a
 /// second document or a name twice.
 /// \param source file for the message; empty = no file and no line
 [[nodiscard]] inline YAML::Node parse_yaml(const std::string& text, const std::string& source) {
-  const YamlChecker checker(source);
-  std::vector<YAML::Node> documents;
+  const auto fail = [&](int line, const std::string& what) {
+    throw io_error((source.empty() ? "" : source + ":" + std::to_string(line + 1) + ": ") + what);
+  };
+  YAML::Node root;
   try {
-    documents = YAML::LoadAll(text);
+    // not YAML::LoadAll: after what it cannot read it finds empty documents without end
+    std::istringstream stream(text);
+    YAML::Parser parser(stream);
+    DocumentStart start;
+    if (parser.HandleNextDocument(start) && parser.HandleNextDocument(start)) {
+      fail(start.line, "a second document begins, expected one");
+    }
+    root = YAML::Load(text);
   } catch (const YAML::Exception& e) {
-    throw io_error((source.empty() ? "" : source + ":" + std::to_string(e.mark.line + 1) + ": ") + "not valid YAML: " + printable(e.msg, 200));
+    fail(e.mark.line, "not valid YAML: " + printable(e.msg, 200));
   }
-  if (documents.empty()) return YAML::Node(YAML::NodeType::Null);
-  if (documents.size() > 1) checker.fail(documents[1], "a second document begins, expected one");
-  YamlChecker(source).check(documents.front());
-  return documents.front();
+  YamlChecker(source).check(root);
+  return root;
 }
 
 /// The same of a file.
