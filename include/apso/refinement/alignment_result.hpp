@@ -21,10 +21,11 @@ struct AlignmentReference {
 struct AlignmentResult {
   Status status = Status::NotRun;
   Pose T_world_camera = identity_pose();      ///< the first candidate if the status is a failure
-  Matrix6 information = zeros<Matrix6>();       ///< of the increment (v, w) in the camera frame, T_c_w <- Exp(d) T_c_w
+  Matrix6 information = zeros<Matrix6>();       ///< of the increment (v, w) in the camera frame, T_c_w <- Exp(d) T_c_w; 0 in open
+                                               ///< directions
   Matrix6 covariance = zeros<Matrix6>();        ///< its inverse on the directions that are determined [m^2, m rad, rad^2]
-  Twist eigenvalues = zeros<Twist>();           ///< of the scaled normal matrix, rising
-  int degenerate_count = 0;                    ///< directions that kept the initial guess, or that from corners
+  Twist eigenvalues = zeros<Twist>();           ///< of the scaled matrix S of solver/pose_information.hpp, rising
+  int degenerate_count = 0;                    ///< open directions: they kept the initial guess, or that from corners
   Matrix6 degenerate_projector = zeros<Matrix6>(); ///< onto those directions, for twists scaled by (1/l, 1), l = median_depth
   double median_depth = 0;                     ///< l [m]
   double valid_share = 0;                      ///< valid ones of the pixels that are not masked, at the finest level

@@ -23,8 +23,8 @@
 #include <apso/refinement/cost/illumination.hpp>
 #include <apso/refinement/cost/kernel_loop.hpp>
 #include <apso/refinement/cost/normal_equations.hpp>
-#include <apso/refinement/cost/residual_samples.hpp>
 #include <apso/refinement/cost/residuals.hpp>
+#include <apso/refinement/cost/scale_estimator.hpp>
 #include <apso/refinement/cost/tile_summer.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
 
@@ -200,28 +200,10 @@ class AlignmentCost {
     return all;
   }
 
-  /// Covariance of the right side b of the normal equations, from how much it differs from tile to tile.
-  [[nodiscard]] Matrix6 scatter(const Pose& T_camera_world) const {
-    Matrix6 all = zeros<Matrix6>();
-    for (std::size_t k = 0; k < used_; ++k) {
-      const CostTerm& t = terms_[k];
-      NormalEquations n;
-      n.H = t.scatter(kAccepted);
-      all = plus(all, times(t.weight * t.weight, moved_to_left(n, compose(T_camera_world, t.T_world_reference)).H));
-    }
-    return all;
-  }
-  /// After shared_information: how many standard deviations the information about a direction is above what chance would give.
-  /// \param direction increment of T_camera_world from the left
-  [[nodiscard]] double significance(const Twist& direction, const Pose& T_camera_world) const {
-    double sum = 0;
-    double squares = 0;
-    for (std::size_t k = 0; k < used_; ++k) {
-      const CostTerm& t = terms_[k];
-      const Twist d = times(adjoint_inverse(compose(T_camera_world, t.T_world_reference)), direction);
-      t.add_information_about(d, kTrial, kSharedTiles, sum, squares);
-    }
-    return squares > 0 ? sum / std::sqrt(squares) : 0.0;
+  /// Calls f(term, T_current_reference) for each reference.
+  template <class F>
+  void for_each_term(const Pose& T_camera_world, const F& f) const {
+    for (std::size_t k = 0; k < used_; ++k) f(terms_[k], compose(T_camera_world, terms_[k].T_world_reference));
   }
 
   /// Labels of the regions from the accepted sums.
@@ -246,41 +228,13 @@ class AlignmentCost {
   bool estimate_scales(const Pose& T_camera_world, int most, double tolerated, const ExecutorRef& executor) {
     const double floor = schedule(level_) > 0 && options_.scale_floor > 0 ? kCoarseScaleFloor : std::max(1e-6, options_.scale_floor);
     bool changed = false;
-    standardised_.clear();
+    scale_estimator_.begin();
     for (std::size_t k = 0; k < used_; ++k) {
       CostTerm& t = terms_[k];
-      const bool joint = options_.coupling == ScaleCoupling::BivariateT;
-      samples_.take(t.level->pixels, warper(t, T_camera_world), noise_, most, joint, executor);
-      samples_.estimate(options_.scale, executor);
-      Illumination light = t.light;
-      executor(2, [&](int task) {
-        if (task == 0) {
-          if (options_.illumination && samples_.pairs.size() >= 32) {
-            SampledResiduals& s = samples_.intensity;
-            fit_illumination(samples_.pairs, floor, s.residuals, s.scratch(), light);
-            s.scratch() = s.residuals;
-            s.scale = robust_scale_in_place(options_.scale, s.scratch());
-          }
-        } else {
-          t.correlation = intensity_correlation(samples_.pairs, static_cast<double>(options_.noise.sigma_intensity), options_.depth_alone);
-        }
-      });
-      const TermScales found = samples_.scales(options_.scale, floor, t.scales);
-      const auto differs = [&](double a, double b) { return std::abs(a - b) > tolerated * std::min(a, b); };
-      const double brighter = std::abs(0.5 * static_cast<double>(light.gain - t.light.gain) +
-                                       static_cast<double>(light.offset - t.light.offset));
-      if (differs(found.scale_intensity, t.scales.scale_intensity) || differs(found.scale_depth, t.scales.scale_depth) ||
-          brighter > tolerated * static_cast<double>(options_.noise.sigma_intensity) * found.scale_intensity) {
-        t.scales = found;
-        t.light = light;
-        changed = true;
-      }
-      if (adaptive_) {
-        for (const float r : samples_.intensity.residuals) standardised_.push_back(r / static_cast<float>(t.scales.scale_intensity));
-        for (const float r : samples_.depth.residuals) standardised_.push_back(r / static_cast<float>(t.scales.scale_depth));
-      }
+      changed = scale_estimator_(t, warper(t, T_camera_world), noise_, options_, most, floor, tolerated, executor) || changed;
+      if (adaptive_) scale_estimator_.keep_standardised(t.scales);
     }
-    if (adaptive_ && changed) barron_.alpha = adaptive_alpha_(standardised_, barron_.k);
+    if (adaptive_ && changed) barron_.alpha = scale_estimator_.adaptive_alpha(barron_.k);
     return changed;
   }
   /// Scales as geometric mean over the references, weighted by B_k N_k; brightness; smallest correlation.
@@ -323,10 +277,10 @@ class AlignmentCost {
   }
 
   static constexpr int kScaleSamples = 1024;  ///< pixels looked at for the scale
+  static constexpr int kSharedTiles = 3;      ///< every third tile, of 20 in a row: spread over all columns
 
  private:
   static constexpr double kAlphaFiner = 0.85;       // largest alpha at the level more of frames that are mostly masked, as in dense_alignment()
-  static constexpr int kSharedTiles = 3;            // every third tile, of 20 in a row: spread over all columns
   static constexpr double kCoarseScaleFloor = 0.25; // smallest scale at coarse levels, in units of the noise model
 
   [[nodiscard]] Warper warper(const CostTerm& t, const Pose& T_camera_world, bool rows_of_current = false) const {
@@ -387,7 +341,7 @@ class AlignmentCost {
   std::size_t used_ = 0;   // terms of this call
   std::vector<CostTerm> terms_;
   std::vector<CostPart> parts_;
-  ResidualSamples samples_;
+  ScaleEstimator scale_estimator_;
   NoiseRef noise_;
   KernelRef given_kernel_, kernel_;  // of this call, of the level
   kernels::Tukey tukey_{default_constant(KernelKind::Tukey)};
@@ -395,8 +349,6 @@ class AlignmentCost {
   kernels::BivariateT bivariate_;
   RobustKernel barron_;
   bool adaptive_ = false;
-  AdaptiveAlpha adaptive_alpha_;
-  std::vector<float> standardised_;  // residuals of all references
 };
 
 APSO_NAMESPACE_END

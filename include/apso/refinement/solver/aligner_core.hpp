@@ -236,11 +236,11 @@ class AlignerCore {
     r.median_depth = cost_.typical_depth();
     const Twist D = unit_twist(r.median_depth);
     const Matrix6 scaled = scaled_both(D, n.H);
-    const Matrix6 moved = Degeneracy(scaled, origin.ratio, false).keep();  // the directions that the solver has moved
+    const Matrix6 moved = Degeneracy(scaled, origin.ratio).keep();  // the directions that the solver has moved
     const AlignmentCost::SharedInformation shared = cost_.shared_information(n.H, T, executor);
-    const PoseInformation known(scaled_both(D, shared.by_one), times(times(moved, scaled_both(D, shared.by_both)), moved), scaled_both(D, cost_.scatter(T)), [&](Twist direction) {
+    const PoseInformation known(scaled_both(D, shared.by_one), times(times(moved, scaled_both(D, shared.by_both)), moved), scaled_both(D, scatter(cost_, T)), [&](Twist direction) {
       for (int i = 0; i < 6; ++i) direction(i) *= D(i);
-      return cost_.significance(direction, T);
+      return significance(cost_, direction, T);
     });
     cost_.estimate_scales(T, 2 * AlignmentCost::kScaleSamples, 0, executor);
     cost_.report_scales(r);

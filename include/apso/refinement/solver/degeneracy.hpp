@@ -20,16 +20,14 @@ inline constexpr double kDegenerateRatio = 1e-3;
 /// with l the typical depth, which makes metres and radians comparable: a twist is D times a scaled twist.
 struct Degeneracy {
   Matrix6 projector = zeros<Matrix6>();  ///< onto the undetermined directions, for scaled twists
-  Twist eigenvalues = zeros<Twist>();    ///< of the scaled normal matrix, rising; only with `all`
   int count = 0;
 
   /// \param scaled normal matrix of scaled twists
   /// \param ratio share of the largest eigenvalue that is too little
-  /// \param all compute the eigenvalues even if a look at them shows that nothing is undetermined
-  Degeneracy(const Matrix6& scaled, double ratio, bool all) {
+  Degeneracy(const Matrix6& scaled, double ratio) {
     double trace = 0;  // at least the largest eigenvalue
     for (int i = 0; i < 6; ++i) trace += scaled(i, i);
-    if (!all && eigenvalues_exceed(std::max(ratio * trace, kFloor), scaled)) return;
+    if (eigenvalues_exceed(std::max(ratio * trace, kFloor), scaled)) return;
     const SymmetricEigen<6> eigen = eigen_symmetric(scaled);
     for (int i = 0; i < 6; ++i) {
       const double value = eigen.values(i);
@@ -39,7 +37,6 @@ struct Degeneracy {
       }
       ++count;
     }
-    eigenvalues = eigen.values;
   }
 
   /// Onto the determined directions.

@@ -54,7 +54,7 @@ class LevelSolver {
       const NormalEquations n = cost.normal_equations(T, executor);
       if (!std::isfinite(before) || !all_finite(n.H) || !all_finite(n.b)) return Status::Diverged;
       const Matrix6 scaled = scaled_both(D, n.H);
-      const Degeneracy open(scaled, ratio, false);
+      const Degeneracy open(scaled, ratio);
       if (open.count == 6) return level > 0 ? Status::TooFewPixels : Status::SingularSystem;
       const Matrix6 keep = open.keep();
       Twist right;

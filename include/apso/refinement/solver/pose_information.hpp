@@ -9,7 +9,6 @@
 /// Residuals may be correlated within a tile, and as large as they like; no model of the noise is asked.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 
 #include <Eigen/Core>
@@ -18,12 +17,37 @@
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
+#include <apso/refinement/cost/alignment_cost.hpp>
+#include <apso/refinement/cost/cost_term.hpp>
+#include <apso/refinement/cost/normal_equations.hpp>
 
 APSO_NAMESPACE_BEGIN
 
 /// Factor on the variances that tiles tell: of what neighbouring tiles have in common, as interpolation. Of right results on synthetic
 /// pairs, with a sensor whose noise is none that apso knows, the normalised error is 1 on average (benchmarks/verdict, seeds from 100).
 inline constexpr double kTileVarianceFactor = 3.5;
+
+/// M, for an increment of T_camera_world from the left: how much the right side b of the normal equations differs from tile to tile.
+[[nodiscard]] inline Matrix6 scatter(const AlignmentCost& cost, const Pose& T_camera_world) {
+  Matrix6 all = zeros<Matrix6>();
+  cost.for_each_term(T_camera_world, [&](const CostTerm& t, const Pose& T_current_reference) {
+    NormalEquations n;
+    n.H = t.scatter(AlignmentCost::kAccepted);
+    all = plus(all, times(t.weight * t.weight, moved_to_left(n, T_current_reference).H));
+  });
+  return all;
+}
+/// After shared_information: how many standard deviations the information about a direction is above what chance would give.
+/// \param direction increment of T_camera_world from the left
+[[nodiscard]] inline double significance(const AlignmentCost& cost, const Twist& direction, const Pose& T_camera_world) {
+  double sum = 0;
+  double squares = 0;
+  cost.for_each_term(T_camera_world, [&](const CostTerm& t, const Pose& T_current_reference) {
+    t.add_information_about(times(adjoint_inverse(T_current_reference), direction), AlignmentCost::kTrial, AlignmentCost::kSharedTiles,
+                            sum, squares);
+  });
+  return squares > 0 ? sum / std::sqrt(squares) : 0.0;
+}
 
 /// Of twists scaled by unit_twist().
 struct PoseInformation {
