@@ -8,8 +8,6 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
-#include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -35,10 +33,14 @@ struct Preset {
   apso::AlignmentOptions alignment;
 };
 
+struct Told {
+  double c_dir;
+  bool right;
+};
+
 struct Row {
   int pairs = 0, right = 0, right_refused = 0, wrong_good = 0, good = 0, open = 0;
   std::vector<double> normalised;  // squared error over its variance, mean over six directions, of right results
-  double expected = 0;             // sum of c_dir over results, to compare with how many are right
 };
 
 class Judge {
@@ -69,7 +71,7 @@ class Judge {
     row.wrong_good += good && !right ? 1 : 0;
     row.right_refused += right && !good ? 1 : 0;
     row.open += a.degenerate_count > 0 ? 1 : 0;
-    row.expected += c;
+    told.push_back({c, right});
     if (right && apso::succeeded(a.status)) row.normalised.push_back(normalised);
     if (!file_.is_open()) return;
     const apso::Matrix6& C = a.covariance;
@@ -79,6 +81,8 @@ class Judge {
           << 1e3 * std::sqrt(C(0, 0) + C(1, 1) + C(2, 2)) << ',' << std::sqrt(C(3, 3) + C(4, 4) + C(5, 5)) / kDegree << ','
           << normalised << '\n';
   }
+
+  std::vector<Told> told;  ///< of all results
 
  private:
   std::ofstream file_;
@@ -97,6 +101,35 @@ void print(const std::string& set, const Preset& preset, Row& r) {
   std::printf("| %s | %s | %d | %d | %d, %d | %d | %d | %.2f, %.2f |\n", set.c_str(), preset.name.c_str(), r.pairs, r.right, r.good,
               r.wrong_good, r.right_refused, r.open, mean, high);
   std::fflush(stdout);
+}
+// Of the results with about the same c_dir, how many are right; and how well c_dir tells right from wrong.
+void print_calibration(std::vector<Told> told) {
+  std::printf("\n| c_dir | results | right |\n|---|---|---|\n");
+  for (int tenth = 0; tenth < 10; ++tenth) {
+    int all = 0;
+    int right = 0;
+    for (const Told& t : told) {
+      if (std::min(9, static_cast<int>(10 * t.c_dir)) != tenth) continue;
+      ++all;
+      right += t.right ? 1 : 0;
+    }
+    if (all > 0) std::printf("| %.1f to %.1f | %d | %.0f %% |\n", 0.1 * tenth, 0.1 * (tenth + 1), all, 100.0 * right / all);
+  }
+  // area under the curve by ranks, those of equal values being their mean
+  std::sort(told.begin(), told.end(), [](const Told& a, const Told& b) { return a.c_dir < b.c_dir; });
+  double ranks = 0;
+  double right = 0;
+  for (std::size_t i = 0; i < told.size();) {
+    std::size_t end = i;
+    while (end < told.size() && !(told[end].c_dir > told[i].c_dir)) ++end;
+    for (std::size_t k = i; k < end; ++k) {
+      ranks += told[k].right ? 0.5 * static_cast<double>(i + end + 1) : 0.0;
+      right += told[k].right ? 1 : 0;
+    }
+    i = end;
+  }
+  const double wrong = static_cast<double>(told.size()) - right;
+  if (right > 0 && wrong > 0) std::printf("\narea under the curve: %.3f\n", (ranks - right * (right + 1) / 2) / (right * wrong));
 }
 }  // namespace
 
@@ -158,7 +191,10 @@ int main(int argc, char** argv) {
     }
     for (std::size_t i = 0; i < presets.size(); ++i) print(set, presets[i], rows[i]);
   }
-  if (recording.empty()) return 0;
+  if (recording.empty()) {
+    print_calibration(judge.told);
+    return 0;
+  }
   const apso::CameraModel model = std::filesystem::is_regular_file(camera) ? apso::camera_from_yaml(camera) : apso::camera_by_name(camera);
   const pairs::RecordingPairs source(recording, model, truth.empty() ? recording + "/groundtruth.txt" : truth);
   for (const int step : steps) {
@@ -168,5 +204,6 @@ int main(int argc, char** argv) {
     });
     for (std::size_t i = 0; i < presets.size(); ++i) print(recording + ", step " + std::to_string(step), presets[i], rows[i]);
   }
+  print_calibration(judge.told);
   return 0;
 }

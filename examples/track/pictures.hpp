@@ -39,7 +39,7 @@ class OverlayChooser {
     std::snprintf(name, sizeof name, "%06d.png", frame);
     write_image(folder_->file(std::string("overlays/") + name), picture);
     cv::Mat small;
-    cv::resize(picture, small, {}, 0.5, 0.5, cv::INTER_AREA);
+    cv::resize(picture, small, {std::max(1, picture.cols / 2), std::max(1, picture.rows / 2)}, 0, 0, cv::INTER_AREA);
     tiles_.push_back(small);
   }
 
