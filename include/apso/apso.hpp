@@ -124,6 +124,7 @@
 #include <apso/refinement/cost/region_labels.hpp>
 #include <apso/refinement/cost/residual_samples.hpp>
 #include <apso/refinement/cost/residuals.hpp>
+#include <apso/refinement/cost/scale_estimator.hpp>
 #include <apso/refinement/cost/term_scales.hpp>
 #include <apso/refinement/cost/tile_summer.hpp>
 #include <apso/refinement/cost/warped_pixels.hpp>
@@ -135,6 +136,7 @@
 #include <apso/refinement/solver/aligner_core.hpp>
 #include <apso/refinement/solver/degeneracy.hpp>
 #include <apso/refinement/solver/level_solver.hpp>
+#include <apso/refinement/solver/pose_information.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/pixel_selector.hpp>
 #include <apso/refinement/pyramid/plane.hpp>

@@ -136,18 +136,13 @@ class AlignmentCost {
     SharedInformation s;
     s.by_one = normal_equations(T_camera_world, executor, kAccepted, kSharedTiles).H;
     s.by_both = normal_equations(T_camera_world, executor, kTrial, kSharedTiles).H;
-    double all = 0;
-    double some = 0;
-    for (int i = 0; i < 6; ++i) {
-      all += H(i, i);
-      some += s.by_one(i, i);
-    }
-    const double factor = some > 0 ? all / some : 0.0;
+    const double some = s.by_one.trace();
+    const double factor = some > 0 ? H.trace() / some : 0.0;
     s.by_one = times(factor, s.by_one);
     s.by_both = times(factor, s.by_both);
     return s;
   }
-  /// The same of every `step`-th tile, for costs alone.
+  /// Costs alone, of every `step`-th tile.
   void sum_cost(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor, int step = 1) {
     pass(T_camera_world, buffer, executor, step, false);
   }
