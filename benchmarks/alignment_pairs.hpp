@@ -73,6 +73,14 @@ struct Conditions {
   double image_noise = 3;     ///< [grey values of 255]
 };
 
+/// Of length 1, all directions alike.
+inline Eigen::Vector3d random_direction(apso::testing::Random& rng) {
+  for (;;) {
+    const Eigen::Vector3d d(rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1));
+    if (d.norm() > 0.1 && d.norm() < 1) return d.normalized();
+  }
+}
+
 /// Views of one room, and the bodies in it.
 class PairMaker {
  public:
@@ -96,7 +104,7 @@ class PairMaker {
                                  apso::so3_exp({0, 0, rng.uniform(-8, 8) * kDegree}).toRotationMatrix();
     Random motion(hash64(seed ^ static_cast<std::uint64_t>(1e6 * step)));
     apso::Twist xi;
-    xi << step * direction(motion), step * 50 * kDegree * direction(motion);
+    xi << step * random_direction(motion), step * 50 * kDegree * random_direction(motion);
     const Pose T_current_world = apso::se3_exp(xi) * apso::inverse(T_world_reference);
     Pair pair;
     pair.step = step;
@@ -117,12 +125,6 @@ class PairMaker {
   }
 
  private:
-  static Eigen::Vector3d direction(apso::testing::Random& rng) {
-    for (;;) {
-      const Eigen::Vector3d d(rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1));
-      if (d.norm() > 0.1 && d.norm() < 1) return d.normalized();
-    }
-  }
   static Eigen::Vector3d flat_direction(apso::testing::Random& rng) {
     const double a = rng.uniform(0, 360 * kDegree);
     return {std::cos(a), 0, std::sin(a)};

@@ -32,14 +32,16 @@ struct ForeignSensor {
   template <class Depth>  // depth(x, y) without noise, 0 = none, at any place [px]
   void operator()(const apso::Pinhole& camera, const Depth& depth, std::uint64_t seed, double brightness, Image8& out) const {
     apso::testing::Random rng(seed);
+    static const apso::testing::NormalTable table;
+    const auto normal = [&] { return static_cast<double>(table(rng.next())); };
     const double product = camera.fx * 0.075;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) {
-        const double grey = 255 * brightness * static_cast<double>(out.intensity(x, y)) + grey_sigma * normal(rng);
+        const double grey = 255 * brightness * static_cast<double>(out.intensity(x, y)) + grey_sigma * normal();
         out.grey(x, y) = static_cast<std::uint8_t>(std::lround(std::clamp(grey, 0.0, 255.0)));
         out.intensity(x, y) = static_cast<float>(out.grey(x, y)) / 255.0F;
-        const double z = depth(x + lateral_sigma * normal(rng), y + lateral_sigma * normal(rng));
-        const double noise = disparity_sigma * normal(rng);
+        const double z = depth(x + lateral_sigma * normal(), y + lateral_sigma * normal());
+        const double noise = disparity_sigma * normal();
         if (!(z > 0.4) || z > 5) {
           out.depth(x, y) = 0;
           continue;
@@ -48,12 +50,6 @@ struct ForeignSensor {
         out.depth(x, y) = static_cast<float>(std::round(5000 * product / disparity) / 5000);
       }
     }
-  }
-
- private:
-  static double normal(apso::testing::Random& rng) {
-    const double r = std::sqrt(-2 * std::log(std::max(1e-12, rng.uniform())));
-    return r * std::cos(2 * apso::kPi * rng.uniform());
   }
 };
 
@@ -176,18 +172,12 @@ inline std::vector<Rectangle> make_scenery(Scenery kind, std::uint64_t seed) {
 /// A pair of views of a scene with a motion of `step` metres and half a degree per centimetre.
 inline Pair make_planar_pair(Scenery kind, std::uint64_t seed, double step, const apso::Pinhole& camera, const ForeignSensor& sensor) {
   apso::testing::Random rng(apso::testing::hash64(seed ^ static_cast<std::uint64_t>(1e6 * step) ^ 0xA11A5ULL));
-  const auto direction = [&] {
-    for (;;) {
-      const Eigen::Vector3d d(rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-1, 1));
-      if (d.norm() > 0.1 && d.norm() < 1) return Eigen::Vector3d(d.normalized());
-    }
-  };
   const std::vector<Rectangle> scene = make_scenery(kind, seed);
   Pose T_world_reference = Pose::Identity();
   T_world_reference.linear() = (apso::so3_exp({0, rng.uniform(-8, 8) * kDegree, 0}) * apso::so3_exp({rng.uniform(-6, 6) * kDegree, 0, 0}) *
                                 apso::so3_exp({0, 0, rng.uniform(-8, 8) * kDegree})).toRotationMatrix();
   apso::Twist xi;
-  xi << step * direction(), step * 50 * kDegree * direction();
+  xi << step * random_direction(rng), step * 50 * kDegree * random_direction(rng);
   const Pose T_current_world = apso::se3_exp(xi) * apso::inverse(T_world_reference);
   Pair pair;
   pair.step = step;

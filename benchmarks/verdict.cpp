@@ -5,9 +5,11 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -33,6 +35,23 @@ struct Preset {
   apso::AlignmentOptions alignment;
 };
 
+/// What can be shown without a recording.
+struct SyntheticSet {
+  std::string name;
+  bool planar;             ///< a scenery, else a room
+  double moving_share;     ///< of a room
+  pairs::Scenery scenery;  ///< where planar
+};
+const std::vector<SyntheticSet> kSets{{"rooms", false, 0, {}},
+                                      {"bodies", false, 0.16, {}},
+                                      {"crowd", false, 0.6, {}},
+                                      {"poster", true, 0, pairs::Scenery::Poster},
+                                      {"stripes", true, 0, pairs::Scenery::Stripes},
+                                      {"corridor", true, 0, pairs::Scenery::Corridor},
+                                      {"wall", true, 0, pairs::Scenery::Wall},
+                                      {"checkerboard", true, 0, pairs::Scenery::Checkerboard},
+                                      {"facade", true, 0, pairs::Scenery::Facade}};
+
 struct Told {
   double c_dir;
   bool right;
@@ -48,6 +67,7 @@ class Judge {
   explicit Judge(const std::string& csv) {
     if (csv.empty()) return;
     file_.open(csv);
+    if (!file_) throw std::runtime_error(csv + ": cannot be written");
     file_ << "set,preset,step,mm,deg,right,c_dir,status,degenerate,valid_share,static_share,correlation,scale_intensity,scale_depth,"
              "cost,iterations,sigma_mm,sigma_deg,normalised\n";
   }
@@ -80,6 +100,13 @@ class Judge {
           << a.correlation << ',' << a.scale_intensity << ',' << a.scale_depth << ',' << a.cost << ',' << a.iterations << ','
           << 1e3 * std::sqrt(C(0, 0) + C(1, 1) + C(2, 2)) << ',' << std::sqrt(C(3, 3) + C(4, 4) + C(5, 5)) / kDegree << ','
           << normalised << '\n';
+  }
+
+  /// \throws std::runtime_error when a line could not be written
+  void close() {
+    if (!file_.is_open()) return;
+    file_.close();
+    if (!file_) throw std::runtime_error("--csv: the file could not be written in full");
   }
 
   std::vector<Told> told;  ///< of all results
@@ -131,20 +158,21 @@ void print_calibration(std::vector<Told> told) {
   const double wrong = static_cast<double>(told.size()) - right;
   if (right > 0 && wrong > 0) std::printf("\narea under the curve: %.3f\n", (ranks - right * (right + 1) / 2) / (right * wrong));
 }
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   CLI::App app{"Does the alignment know when it is wrong?"};
   int views = 25;
   std::uint64_t seed = 2026;
-  std::vector<std::string> sets{"rooms", "bodies", "poster", "stripes", "corridor", "wall", "checkerboard", "facade"};
+  std::vector<std::string> sets;
+  for (const SyntheticSet& s : kSets) sets.push_back(s.name);
+  std::vector<std::string> known = sets;
+  known.push_back("none");
   std::vector<double> motions{0.01, 0.04, 0.10};
   std::string csv, recording, truth, camera;
   std::vector<int> steps{1, 2, 3, 5, 8};
   int max_pairs = std::numeric_limits<int>::max();
   app.add_option("--views", views, "views of each set")->check(CLI::Range(1, 10000));
   app.add_option("--seed", seed, "of the views");
-  app.add_option("--sets", sets, "rooms bodies crowd poster stripes corridor wall checkerboard facade none");
+  app.add_option("--sets", sets, "synthetic sets, or none")->check(CLI::IsMember(known));
   app.add_option("--motions", motions, "[m], each with half a degree per centimetre");
   app.add_option("--csv", csv, "file for one line per result");
   app.add_option("--recording", recording, "folder of a recording in the layout of the TUM benchmark");
@@ -166,32 +194,20 @@ int main(int argc, char** argv) {
   print_head();
   for (const std::string& set : sets) {
     if (set == "none") continue;
+    const SyntheticSet& source = *std::find_if(kSets.begin(), kSets.end(), [&](const SyntheticSet& k) { return k.name == set; });
     std::vector<Row> rows(presets.size());
     for (int v = 0; v < views; ++v) {
       for (const double step : motions) {
-        const auto planar = [&](pairs::Scenery kind) {
-          return pairs::make_planar_pair(kind, seed * 1000 + static_cast<std::uint64_t>(v), step, synthetic, sensor);
-        };
-        Pair p;
-        if (set == "rooms") p = pairs::make_room_pair(maker, v, step, 0, sensor);
-        else if (set == "bodies") p = pairs::make_room_pair(maker, v, step, 0.16, sensor);
-        else if (set == "crowd") p = pairs::make_room_pair(maker, v, step, 0.6, sensor);
-        else if (set == "poster") p = planar(pairs::Scenery::Poster);
-        else if (set == "stripes") p = planar(pairs::Scenery::Stripes);
-        else if (set == "corridor") p = planar(pairs::Scenery::Corridor);
-        else if (set == "checkerboard") p = planar(pairs::Scenery::Checkerboard);
-        else if (set == "facade") p = planar(pairs::Scenery::Facade);
-        else if (set == "wall") p = planar(pairs::Scenery::Wall);
-        else {
-          std::fprintf(stderr, "verdict: there is no set %s\n", set.c_str());
-          return 2;
-        }
+        const Pair p = source.planar ? pairs::make_planar_pair(source.scenery, seed * 1000 + static_cast<std::uint64_t>(v), step,
+                                                               synthetic, sensor)
+                                     : pairs::make_room_pair(maker, v, step, source.moving_share, sensor);
         for (std::size_t i = 0; i < presets.size(); ++i) judge(set, presets[i], synthetic, p, rows[i]);
       }
     }
     for (std::size_t i = 0; i < presets.size(); ++i) print(set, presets[i], rows[i]);
   }
   if (recording.empty()) {
+    judge.close();
     print_calibration(judge.told);
     return 0;
   }
@@ -204,6 +220,17 @@ int main(int argc, char** argv) {
     });
     for (std::size_t i = 0; i < presets.size(); ++i) print(recording + ", step " + std::to_string(step), presets[i], rows[i]);
   }
+  judge.close();
   print_calibration(judge.told);
   return 0;
+}
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "verdict: %s\n", e.what());
+    return 1;
+  }
 }

@@ -93,6 +93,11 @@ inline bool printable_message(const char* message) {
   }
   return n > 0 && n < 4000;
 }
+/// For the message about a file that is refused.
+inline void require_names_file(const char* message, const std::string& path) {
+  require(printable_message(message), "a message is printable");
+  require(std::strncmp(message, path.c_str(), path.size()) == 0, "a message begins with the file");
+}
 
 }  // namespace fuzz
 

@@ -9,8 +9,8 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// What is quoted of a file or of an argument: short, and with everything but printable ASCII as hexadecimal escapes, so that neither a terminal nor
-/// a log obeys it.
+/// What is quoted of a file or of an argument: short, and with everything but printable ASCII as hexadecimal escapes, so that
+/// neither a terminal nor a log obeys it.
 /// \param most characters of the text that are kept; "..." follows where there are more
 [[nodiscard]] inline std::string printable(const std::string& text, std::size_t most = 64) {
   static constexpr char digits[] = "0123456789abcdef";

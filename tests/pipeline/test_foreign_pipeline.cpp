@@ -131,6 +131,26 @@ TEST_CASE("float millimetres and a point cloud are depth, rows of twelve floats 
   CHECK((T_out.matrix() - host.pose.matrix()).cwiseAbs().maxCoeff() < 1e-6);
 }
 
+TEST_CASE("a pose of the host's that is no pose makes the frame BAD, whatever its type") {
+  const Pinhole camera = testing::SyntheticSequence("walking_xyz", small_world()).camera();
+  for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), 0.0F}) {
+    BasicPipeline<foreign::RowMajor3x4Pose> pipeline(camera, quick_start());
+    for (int i = 0; i < 9; ++i) {
+      const Host host(i);
+      auto T = from_pose<foreign::RowMajor3x4Pose>(host.pose);
+      const auto prior = T;
+      const bool broken = i == 8;
+      if (broken) T.m[5] = bad;  // in the rotation: 0 leaves a matrix that is no rotation
+      pipeline.observe(frame(host.frame.timestamp, host.grey, scaled(host.raw, kUnit), camera), prior, foreign::features(host.tracks));
+      pipeline.assess(foreign::corners(host.keypoints), foreign::features(host.tracks), {T, prior, true});
+      const auto& report = pipeline.conclude();
+      CHECK((report.assessment.state == SceneState::Bad) == broken);
+      if (broken) CHECK(report.state != SceneState::Good);
+      CHECK(is_rigid(to_pose(report.T_world_camera)));
+    }
+  }
+}
+
 TEST_CASE("nothing of the host's is read after a call has returned") {
   const Pinhole camera = testing::SyntheticSequence("walking_xyz", small_world()).camera();
   PipelineOptions options = quick_start();

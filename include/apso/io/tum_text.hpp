@@ -82,8 +82,9 @@ void sort_by_time(std::vector<T>& rows, Stamp&& stamp, const std::string& path, 
 }  // namespace detail
 
 /// Reads a trajectory, lines of `timestamp tx ty tz qx qy qz qw` (seconds, metres, unit quaternion).
-/// Lines with NaN or infinite values are skipped, as the benchmark's scripts do, and so are positions beyond kMaxDistance; unsorted files are sorted; of
-/// repeated stamps the first is kept; quaternions are normalised. Each of these is reported in `warnings`.
+/// Lines with NaN or infinite values are skipped, as the benchmark's scripts do, and so are positions beyond kMaxDistance;
+/// unsorted files are sorted; of repeated stamps the first is kept; quaternions are normalised. Each of these is reported in
+/// `warnings`.
 /// \throws io_error when the file cannot be read, a line is malformed, a quaternion is zero, or no pose is left
 [[nodiscard]] inline Trajectory read_trajectory(const std::string& path, std::vector<std::string>* warnings = nullptr) {
   static constexpr const char* names[] = {"timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"};

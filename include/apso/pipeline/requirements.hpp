@@ -12,6 +12,7 @@
 #include <apso/observation/motion_policy.hpp>
 #include <apso/quality/assessor.hpp>
 #include <apso/refinement/memory/frame_descriptor.hpp>
+#include <apso/refinement/pyramid/pyramid_options.hpp>
 #include <apso/traits/detail.hpp>
 #include <apso/traits/pose.hpp>
 #include <apso/types/pinhole.hpp>
@@ -81,14 +82,12 @@ struct RequirePipeline : private require_pose<PoseT>, private require_motion_pol
                 "(camera, options); see apso/quality/assessor.hpp");
   static_assert(is_refiner_v<RefinerT>,
                 "apso: a refiner needs a type Input, refine(const Input&), remember(frame, dynamic_probability, "
-                "T_world_camera, executor, flow), options() and reset(), and is made from (camera, options); see apso/refinement/refiner.hpp");
+                "T_world_camera, executor, flow), options() and reset(), and is made from (camera, options); see "
+                "apso/refinement/refiner.hpp");
 };
 
 template <class T>
 using pyramid_options_t = decltype(std::declval<const T&>().pyramid.finest);
-
-/// Smallest width and height of the finest image that is aligned; FramePyramid refuses smaller ones.
-inline constexpr int kSmallestAligned = 8;  // [px]
 
 /// Refuses at the start the camera that a later step would refuse: one that is none, or too small an image to align.
 /// \param aligned some frames will be refined
@@ -97,8 +96,8 @@ const Pinhole& checked_camera(const Pinhole& camera, const RefinerOptionsT& refi
   camera.validate();
   if constexpr (detected_v<pyramid_options_t, RefinerOptionsT>) {
     const int finest = refiner.pyramid.finest;
-    if (aligned && ((camera.width >> finest) < kSmallestAligned || (camera.height >> finest) < kSmallestAligned)) {
-      const std::string least = std::to_string(kSmallestAligned << finest);
+    if (aligned && ((camera.width >> finest) < kMinAlignedSize || (camera.height >> finest) < kMinAlignedSize)) {
+      const std::string least = std::to_string(kMinAlignedSize << finest);
       contract_violation("Pipeline: the camera has " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
                          " pixels; to be refined at pyramid level " + std::to_string(finest) + " a frame needs at least " + least +
                          " x " + least);

@@ -8,9 +8,11 @@
 
 #include <apso/config.hpp>
 #include <apso/math/constants.hpp>
+#include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
 #include <apso/options.hpp>
 #include <apso/refinement/alignment_result.hpp>
+#include <apso/refinement/solver/degeneracy.hpp>
 #include <apso/status.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -39,10 +41,10 @@ inline double rising(double x, double zero, double one) {
   return x > zero ? (x - zero) / (one - zero) : 0.0;
 }
 
-// Largest standard deviation of a scaled twist (unit_twist) at which one half of the results is right, 4 mm at 2 m. It is far below
-// 2 cm: on recordings rolling shutters, delays between colour and depth, and lenses move all tiles alike, so that errors are about twelve
-// times the deviation (benchmarks/verdict --recording).
-inline constexpr double kHalfRightSigma = 0.002 * 1.87;  // the latter is the root of kTileVarianceFactor
+// Standard deviation of a scaled twist (unit_twist) at which half of the results is right: 7.5 mm at 2 m, fitted to pairs of
+// recordings (benchmarks/verdict --recording). It is below the 2 cm that are asked because rolling shutters, delays between colour
+// and depth, and lenses move all tiles alike, which the scatter of the tiles cannot show.
+inline constexpr double kHalfRightSigma = 0.00374;
 inline constexpr double kCorrelationNone = 0.4, kCorrelationFull = 0.7;
 inline constexpr double kMaxIterationsFactor = 0.5;
 }  // namespace detail
@@ -54,14 +56,11 @@ inline constexpr double kMaxIterationsFactor = 0.5;
   using namespace detail;
   DirectConfidence c;
   if (!succeeded(r.status) || !(r.median_depth > 0)) return c;
-  Matrix6 scaled;
-  for (int i = 0; i < 6; ++i) {
-    for (int k = 0; k < 6; ++k) scaled(i, k) = r.covariance(i, k) / ((i < 3 ? r.median_depth : 1) * (k < 3 ? r.median_depth : 1));
-  }
-  const double variance = std::max(0.0, eigen_symmetric(scaled).values(5));
+  const double variance = std::max(0.0, eigen_symmetric(scaled_both(unit_twist(1 / r.median_depth), r.covariance)).values(5));
   if (!std::isfinite(variance)) return c;
   c.precise = 1 / (1 + variance / (kHalfRightSigma * kHalfRightSigma));
-  c.agreement = rising(r.correlation, kCorrelationNone, kCorrelationFull) * (r.status == Status::MaxIterations ? kMaxIterationsFactor : 1.0);
+  c.agreement = rising(r.correlation, kCorrelationNone, kCorrelationFull);
+  if (r.status == Status::MaxIterations) c.agreement *= kMaxIterationsFactor;
   c.determined = c.precise * c.agreement;
   c.c_dir = r.degenerate_count > 0 ? 0.0 : c.determined;
   return c;

@@ -275,8 +275,8 @@ class AlignmentCost {
   static constexpr int kSharedTiles = 3;      ///< every third tile, of 20 in a row: spread over all columns
 
  private:
-  static constexpr double kAlphaFiner = 0.85;       // largest alpha at the level more of frames that are mostly masked, as in dense_alignment()
-  static constexpr double kCoarseScaleFloor = 0.25; // smallest scale at coarse levels, in units of the noise model
+  static constexpr double kAlphaFiner = 0.85;  // largest alpha at the extra level of frames that are mostly masked, as in dense_alignment()
+  static constexpr double kCoarseScaleFloor = 0.25;  // smallest scale at coarse levels, in units of the noise model
 
   [[nodiscard]] Warper warper(const CostTerm& t, const Pose& T_camera_world, bool rows_of_current = false) const {
     WarpOptions options = options_.warp;

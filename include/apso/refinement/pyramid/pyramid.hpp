@@ -45,7 +45,9 @@ class FramePyramid {
     timestamp_ = frame.timestamp;
     nominal_finest_ = options.finest;
     int used = options.finest + 1;
-    while (used < options.levels && (camera.width >> used) >= kMinWidth && (camera.height >> used) >= kMinHeight) ++used;
+    while (used < options.levels && (camera.width >> used) >= kMinWidth && (camera.height >> used) >= kMinAlignedSize) {
+      ++used;
+    }
     levels_.resize(static_cast<std::size_t>(used));
     line_.resize(camera.width + 2 * Plane::kPad, Bands::kMost);
     read(frame, dynamic_probability, options, executor);
@@ -122,7 +124,6 @@ class FramePyramid {
 
  private:
   static constexpr int kMinWidth = 20;  // coarser levels would be narrower [px]
-  static constexpr int kMinHeight = 8;  // a smaller one is no image any more [px]
 
   static void check(const AnyFrame& f, const Pinhole& camera, const AnyImage& p, const PyramidOptions& o) {
     camera.validate();
@@ -135,7 +136,7 @@ class FramePyramid {
     const Pinhole& c = f.camera;
     expects(c.width == 0 || (c.fx == camera.fx && c.fy == camera.fy && c.cx == camera.cx && c.cy == camera.cy),
             "FramePyramid: the frame was taken with another camera");
-    expects((camera.width >> o.finest) >= kMinHeight && (camera.height >> o.finest) >= kMinHeight,
+    expects((camera.width >> o.finest) >= kMinAlignedSize && (camera.height >> o.finest) >= kMinAlignedSize,
             "FramePyramid: the finest level is smaller than 8 x 8 pixels");
   }
 

@@ -7,6 +7,9 @@
 
 APSO_NAMESPACE_BEGIN
 
+/// Smallest width and height of an image that is aligned [px]; a smaller one is no image any more.
+inline constexpr int kMinAlignedSize = 8;
+
 struct PyramidOptions {
   int levels = 6;                 ///< resolutions, counted from the full one (level 0)
   int finest = 1;                 ///< finest level used; 1 = half resolution

@@ -238,10 +238,12 @@ class AlignerCore {
     const Matrix6 scaled = scaled_both(D, n.H);
     const Matrix6 moved = Degeneracy(scaled, origin.ratio).keep();  // the directions that the solver has moved
     const AlignmentCost::SharedInformation shared = cost_.shared_information(n.H, T, executor);
-    const PoseInformation known(scaled_both(D, shared.by_one), times(times(moved, scaled_both(D, shared.by_both)), moved), scaled_both(D, scatter(cost_, T)), [&](Twist direction) {
+    const auto significance_of = [&](Twist direction) {
       for (int i = 0; i < 6; ++i) direction(i) *= D(i);
       return significance(cost_, direction, T);
-    });
+    };
+    const PoseInformation known(scaled_both(D, shared.by_one), times(times(moved, scaled_both(D, shared.by_both)), moved),
+                                scaled_both(D, scatter(cost_, T)), significance_of);
     cost_.estimate_scales(T, 2 * AlignmentCost::kScaleSamples, 0, executor);
     cost_.report_scales(r);
     r.degenerate_count = known.open_count;
