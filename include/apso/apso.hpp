@@ -164,6 +164,7 @@
 #include <apso/tracker/local_map.hpp>
 #include <apso/tracker/map_update.hpp>
 #include <apso/tracker/relocalisation.hpp>
+#include <apso/tracker/solvers/moving_bodies.hpp>
 #include <apso/tracker/solvers/pose_optimisation.hpp>
 #include <apso/tracker/solvers/ransac_pose.hpp>
 #include <apso/tracker/solvers/windowed_adjustment.hpp>

@@ -103,6 +103,7 @@ class BasicLandmarkTracker {
     const Pose T = to_pose(T_world_camera);
     expects(is_finite(T), "LandmarkTracker::commit: the pose is not finite");
     weigh(dynamic_probability);
+    leave_out_bodies(T);
     finish(T, allow_keyframe);
   }
 
@@ -138,6 +139,18 @@ class BasicLandmarkTracker {
     }
     motion_.weigh(mask, options_.dynamic_threshold);
   }
+  // Features on bodies that the tracks show to move are not used either.
+  void leave_out_bodies(const Pose& T_world_camera) {
+    for (std::size_t i = 0; i < features_.weight.size(); ++i) {
+      const float inverse_depth = features_.inverse_depth[i];
+      if (!(features_.weight[i] > 0) || !(inverse_depth > 0)) continue;
+      const Keypoint& k = features_.keypoints[i];
+      const Eigen::Vector3d p = camera_.unproject(k.x, k.y, 1.0 / static_cast<double>(inverse_depth));
+      if (!motion_.bodies().moves(transform(T_world_camera, p))) continue;
+      features_.weight[i] = 0;
+      --features_.with_depth;
+    }
+  }
 
   /// The previous pose moved on with the velocity of the last step.
   [[nodiscard]] Pose moved_on() const {
@@ -168,6 +181,7 @@ class BasicLandmarkTracker {
       return result(found);
     }
     track_inliers_ = motion_.find_pose(camera_, T_world_previous_, moved_on(), frame_seed(), T_world_predicted_);
+    leave_out_bodies(T_world_predicted_);
     found.T_world_camera = T_world_predicted_;
     matcher_.collect(map_, seen_, kWindowKeyframes);
     search_near_prediction(found);

@@ -12,6 +12,7 @@
 #include <apso/math/se3.hpp>
 #include <apso/status.hpp>
 #include <apso/tracker/features.hpp>
+#include <apso/tracker/solvers/moving_bodies.hpp>
 #include <apso/tracker/solvers/pose_optimisation.hpp>
 #include <apso/tracker/solvers/ransac_pose.hpp>
 #include <apso/types/frame.hpp>
@@ -66,6 +67,7 @@ class TrackMotion {
       o.weight = weight_[i];
       observations_.push_back(o);
     }
+    bodies_.clear();
     if (observations_.size() < kMinTracks) return 0;
     RansacOptions ransac;
     ransac.threshold = 1.0;
@@ -73,11 +75,15 @@ class TrackMotion {
     ransac.seed = seed;
     const RansacPose found = ransac_pose(camera, observations_, {T_world_predicted, T_world_previous}, ransac);
     if (!found.ok || found.inliers < static_cast<int>(kMinTracks)) return 0;
-    const PoseOptimisation refined = optimise_pose(camera, observations_, found.T_world_camera);
-    if (!succeeded(refined.status) || refined.inliers * 3 < static_cast<int>(observations_.size())) return 0;
+    const std::size_t all = observations_.size();
+    const Pose T_rest = bodies_.separate(camera, observations_, found.T_world_camera);
+    const PoseOptimisation refined = optimise_pose(camera, observations_, T_rest);
+    if (!succeeded(refined.status) || refined.inliers * 3 < static_cast<int>(all)) return 0;
     T_world_camera = refined.T_world_camera;
     return refined.inliers;
   }
+  /// Bodies that move, by the tracks of the last find_pose().
+  [[nodiscard]] const MovingBodies& bodies() const { return bodies_; }
 
  private:
   static constexpr std::size_t kMinTracks = 12;  // four times what determines a pose
@@ -105,6 +111,7 @@ class TrackMotion {
   std::vector<InverseDepth> previous_;  // of each track, at its previous position
   std::vector<float> weight_;
   std::vector<PointObservation> observations_;
+  MovingBodies bodies_;
 };
 
 APSO_NAMESPACE_END

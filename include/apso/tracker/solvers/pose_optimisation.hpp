@@ -109,8 +109,10 @@ inline int mark_inliers(const Pinhole& camera, std::vector<PointObservation>& ob
   return inliers;
 }
 
-/// Noise of u and v in units of sigma, from the median residual of the inliers: for two Gaussian components the
-/// median of the squared norm is 2 ln 2.
+/// Median of the squared norm of two Gaussian components: 2 ln 2.
+inline constexpr double kMedianNorm2 = 1.3862943611198906;
+
+/// Noise of u and v in units of sigma, from the median residual of the inliers.
 [[nodiscard]] inline double pixel_noise_scale(const Pinhole& camera, const std::vector<PointObservation>& observations,
                                               const Pose& T_camera_world, std::vector<double>& scratch) {
   scratch.clear();
@@ -122,7 +124,7 @@ inline int mark_inliers(const Pinhole& camera, std::vector<PointObservation>& ob
   if (scratch.empty()) return 1;
   const auto middle = scratch.begin() + static_cast<std::ptrdiff_t>(scratch.size() / 2);
   std::nth_element(scratch.begin(), middle, scratch.end());
-  return std::clamp(std::sqrt(*middle / 1.3862943611198906), kMinPixelScale, 1.0);
+  return std::clamp(std::sqrt(*middle / kMedianNorm2), kMinPixelScale, 1.0);
 }
 
 namespace detail {
