@@ -227,9 +227,7 @@ std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track
   std::vector<track::MotionScore> scores;
   for (const auto& r : runners) {
     if (evaluated) {
-      apso::AteOptions ate_options;
-      ate_options.association = apso::AssociationRule::Evo;
-      const apso::AteResult ate = apso::ate(s.source->groundtruth(), r->poses, ate_options);
+      const apso::AteResult ate = apso::ate(s.source->groundtruth(), r->poses);
       if (succeeded(ate.status) && std::isfinite(ate.statistics.rmse)) r->score.ate = ate.statistics.rmse;
     }
     r->score.ms /= std::max(1, r->score.frames);

@@ -52,14 +52,16 @@ struct Record {
 
 /// ATE and RPE of an estimate. Throws when it cannot be compared with the ground truth.
 inline nlohmann::json evaluate(const apso::Trajectory& truth, const apso::Trajectory& estimate) {
-  apso::AteOptions ate_options;
-  ate_options.association = apso::AssociationRule::Evo;
+  const apso::AteOptions ate_options;  // the defaults, which all programs have in common
   if (estimate.empty()) throw std::runtime_error("no frame has a pose");
   const apso::AteResult ate = apso::ate(truth, estimate, ate_options);
   if (!succeeded(ate.status)) {
-    throw std::runtime_error(too_few_pairs(ate.pairs.size(), apso::default_max_difference(ate_options.association), 3, truth, estimate));
+    throw std::runtime_error(too_few_pairs(ate.pairs.size(), apso::default_max_difference(ate_options.association),
+                                           apso::pairs_needed(ate_options.alignment), truth, estimate));
   }
   nlohmann::json result{{"pairs", ate.pairs.size()}, {"ate", to_json(ate.statistics)}};
+  result["association"] = {{"rule", enum_names(ate_options.association)[static_cast<std::size_t>(ate_options.association)]},
+                           {"max_difference_s", apso::default_max_difference(ate_options.association)}};
   const auto add_rpe = [&](const char* name, double delta, apso::DeltaUnit unit) {
     apso::RpeOptions options;
     options.delta = delta;

@@ -40,6 +40,7 @@
 #include <apso/math/robust_scale.hpp>
 #include <apso/math/sampling.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/math/similarity_alignment.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/math/statistics.hpp>
 #include <apso/math/symmetric.hpp>

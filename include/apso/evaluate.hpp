@@ -16,6 +16,7 @@
 /// |----------------------------------------------------|-------------------------------------------------------------|
 /// | which poses belong together?                       | `associate(truth, estimate, rule)`: TUM or evo              |
 /// | how far are the positions off?                     | `ate(truth, estimate)`; the alignment as a pose of your type |
+/// | ... with a free scale, or about gravity only?      | `AteOptions::alignment`: Sim3, Yaw; `aligned(estimate, ate)` |
 /// | how far does it drift per second, frame or metre?  | `rpe(truth, estimate, options)`: TUM script or paper        |
 /// | stamps and poses in two lists                      | `trajectory(stamps, poses)`                                 |
 /// | does a score predict failure?                      | `area_under_roc(events)`, `roc_curve`, `reliability`        |
@@ -23,7 +24,7 @@
 ///
 /// Numbers agree with those of the scripts of the TUM RGB-D benchmark and of evo 1.x to the last digit that these print.
 /// A trajectory with equal or falling stamps, or with a pose that is not finite, is a contract_error; too few pairs are a
-/// status. Files are read by io/tum_text.hpp.
+/// status. Files are read by io/trajectory_file.hpp (TUM, KITTI, EuRoC).
 #pragma once
 
 #include <apso/evaluation/association.hpp>

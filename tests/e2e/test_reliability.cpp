@@ -402,12 +402,17 @@ TEST_CASE("timestamps that are no seconds or far apart are told once") {
   stretch(10, "");
   warnings("the frames are 10 s apart");
 
-  // EuRoC's nanoseconds are no seconds, also with the eight columns of a trajectory
+  // nanoseconds are told from seconds; read as seconds, they are refused
   const fs::path euroc = r.path / "euroc.txt";
   std::ofstream(euroc) << "1403636579763555584 0 0 0 0 0 0 1\n1403636579813555456 1 0 0 0 0 0 1\n1403636579863555584 1 1 0 0 0 0 1\n";
-  const Outcome o = run(std::string(APSO_EVAL) + " " + euroc.string() + " " + euroc.string(), r.path);
+  const std::string command = std::string(APSO_EVAL) + " " + euroc.string() + " " + euroc.string();
+  const Outcome told = run(command, r.path);
+  CHECK(told.code == 0);
+  CHECK(has(told.text, "euroc.txt (tum_ns, 3 poses)"));
+  const Outcome o = run(command + " --format tum", r.path);
   CHECK(o.code == 1);
   CHECK(has(o.text, "euroc.txt: the timestamps look like nanoseconds"));
+  CHECK(has(o.text, "--format tum_ns"));
 }
 
 TEST_CASE("paths in the lists of a recording do not lead out of it") {

@@ -86,9 +86,15 @@ TEST_CASE("JSON has exactly the documented keys, and the numbers of a shifted co
   CHECK(r.err.empty());
   const auto j = nlohmann::ordered_json::parse(r.out);
   const std::vector<std::string> six{"rmse", "mean", "median", "std", "min", "max"};
-  CHECK(keys(j) == std::vector<std::string>{"pairs", "ate", "rpe"});
+  CHECK(keys(j) == std::vector<std::string>{"pairs", "pairs_possible", "poses", "format", "association", "alignment", "ate", "rpe"});
+  CHECK(j["pairs_possible"] == 41);
+  CHECK(j["format"] == "tum");
+  CHECK(j["association"]["rule"] == "tum");
+  CHECK(j["association"]["max_difference_s"] == 0.02);
+  CHECK(j["alignment"]["kind"] == "se3");
+  CHECK(j["alignment"]["scale"] == 1);
   CHECK(keys(j["ate"]) == six);
-  CHECK(keys(j["rpe"]) == std::vector<std::string>{"delta", "pairs", "translation", "rotation_deg"});
+  CHECK(keys(j["rpe"]) == std::vector<std::string>{"delta", "form", "pairs", "translation", "rotation_deg"});
   CHECK(keys(j["rpe"]["translation"]) == six);
   CHECK(keys(j["rpe"]["rotation_deg"]) == six);
   CHECK(j["pairs"] == 41);
@@ -154,7 +160,8 @@ TEST_CASE("bad input ends with one clear line") {
   f.write_other("");
   fails(run(f.truth + " " + f.other), "no pose found");
   f.write_other("100 0 0 0\n");
-  fails(run(f.truth + " " + f.other), ":1: found 4 fields, expected 8");
+  fails(run(f.truth + " " + f.other), ":1: found 4 fields, expected 8 (TUM), 12 (KITTI)");
+  fails(run(f.truth + " " + f.other + " --format tum"), ":1: found 4 fields, expected 8");
   f.write_other("100 0 0 abc 0 0 0 1\n");
   fails(run(f.truth + " " + f.other), ":1: field 4 (tz) is 'abc', expected a number");
   f.write_other("5000 0 0 0 0 0 0 1\n5001 1 0 0 0 0 0 1\n");
@@ -174,7 +181,9 @@ TEST_CASE("unknown options and values fail, help succeeds") {
   const Files f;
   CHECK(run("").code != 0);
   CHECK(run(f.truth).code != 0);
-  CHECK(run(f.truth + " " + f.estimate + " --align sim3").code != 0);
+  CHECK(run(f.truth + " " + f.estimate + " --align sim4").code == 2);
+  CHECK(run(f.truth + " " + f.estimate + " --format bag").code == 2);
+  CHECK(run(f.truth + " " + f.estimate + " --json --table csv").code == 2);
   CHECK(run(f.truth + " " + f.estimate + " --association x").code != 0);
   CHECK(run(f.truth + " " + f.estimate + " --nonsense").code != 0);
   const Run help = run("--help");
@@ -191,6 +200,251 @@ TEST_CASE("lines that are not finite are warned about on standard error, JSON st
   CHECK(r.code == 0);
   CHECK(r.err.find(":2: tx is not finite, line skipped") != std::string::npos);
   CHECK(nlohmann::ordered_json::parse(r.out)["pairs"] == 3);
+}
+
+namespace {
+const std::string kOracle = std::string(APSO_SOURCE_DIR) + "/tests/evaluation/oracle/";
+bool has(const std::string& text, const std::string& word) { return text.find(word) != std::string::npos; }
+/// Cells of the lines of a table.
+std::vector<std::vector<std::string>> cells(const std::string& text, char separator) {
+  std::vector<std::vector<std::string>> rows;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    rows.emplace_back();
+    std::istringstream fields(line);
+    for (std::string cell; std::getline(fields, cell, separator);) rows.back().push_back(cell);
+  }
+  return rows;
+}
+}  // namespace
+
+TEST_CASE("the formats of TUM, KITTI and EuRoC are told apart and give the numbers of the oracle") {
+  const Run euroc = run(kOracle + "truth_euroc.csv " + kOracle + "estimate_ns.txt --rpe paper --align sim3");
+  CHECK(euroc.code == 0);
+  CHECK(euroc.err.empty());
+  for (const char* word :
+       {"truth_euroc.csv (euroc, 160 poses)", "estimate_ns.txt (tum_ns, 77 poses)",
+        "tum: greedy one-to-one, stamps less than 0.02 s apart; 77 of 77 pairs (100.0 %)", "scale 0.987996", "  0.016928   0.015558 "}) {
+    CAPTURE(word);
+    CHECK(has(euroc.out, word));
+  }
+  const Run kitti = run(kOracle + "truth_kitti.txt " + kOracle + "estimate_kitti.txt --rpe paper --align yaw --gravity-axis y");
+  CHECK(kitti.code == 0);
+  for (const char* word :
+       {"(kitti, 77 poses)", "by frame: poses of the same number", "  0.243071   0.229112 ", "RPE 1f [deg]                75   0.363480"}) {
+    CAPTURE(word);
+    CHECK(has(kitti.out, word));
+  }
+  // without stamps there are no seconds, and no matching with a file that has them
+  fails(run(kOracle + "truth_kitti.txt " + kOracle + "estimate_kitti.txt --delta 1s"),
+        "KITTI poses have no stamps: give them with --times");
+  fails(run(kOracle + "truth_kitti.txt " + kOracle + "estimate_kitti.txt --offset 1"), "KITTI poses have none");
+  fails(run(kOracle + "truth_euroc.csv " + kOracle + "estimate_kitti.txt"), "give the times of the KITTI file with --times");
+  fails(run(kOracle + "truth.txt " + kOracle + "estimate.txt --times " + kOracle + "truth.txt"), "--times: no file is of the KITTI format");
+  const Files f;
+  std::string times;
+  for (int i = 0; i < 77; ++i) times += std::to_string(0.0666 * i) + "\n";
+  f.write_other(times);
+  const Run seconds = run(kOracle + "truth_kitti.txt " + kOracle + "estimate_kitti.txt --times " + f.other);
+  CHECK(has(seconds.out, "RPE 1s [m]"));
+  CHECK(has(seconds.out, "  0.163151   0.149083 "));
+  // a forced format is not told from the file
+  fails(run(kOracle + "truth_kitti.txt " + kOracle + "estimate.txt --format tum"), "truth_kitti.txt:1: found 12 fields, expected 8");
+  CHECK(run(kOracle + "truth_euroc.csv " + kOracle + "estimate_ns.txt --groundtruth-format euroc --format tum_ns").code == 0);
+}
+
+TEST_CASE("several estimates in one table: bold is the best, the improvement is against the baseline, pairs are shown") {
+  const Files f;
+  std::ofstream(f.other) << std::ifstream(kOracle + "estimate.txt").rdbuf();
+  const std::string better = temporary("better_a&b.txt");
+  {
+    std::istringstream lines(slurp(kOracle + "truth.txt"));
+    std::ofstream out(better);
+    int i = 0;
+    for (std::string line; std::getline(lines, line); ++i) {
+      if (line[0] == '#') continue;
+      std::istringstream fields(line);
+      double v[8];
+      for (double& x : v) fields >> x;
+      out << v[0] << ' ' << v[1] + 0.001 * (i % 2) << ' ' << v[2] << ' ' << v[3] << ' ' << v[4] << ' ' << v[5] << ' ' << v[6] << ' ' << v[7]
+          << '\n';
+    }
+  }
+  const std::string files = "'" + kOracle + "truth.txt' '" + kOracle + "estimate.txt' '" + better + "'";
+  const auto ate = [&](const std::string& file) {
+    return nlohmann::json::parse(run("'" + kOracle + "truth.txt' '" + file + "' --json").out)["ate"]["rmse"].get<double>();
+  };
+  const double first = ate(kOracle + "estimate.txt");
+  const double second = ate(better);
+  REQUIRE(second < first);
+  const auto fixed = [](double v, int digits) {
+    char text[40];
+    std::snprintf(text, sizeof text, "%.*f", digits, v);
+    return std::string(text);
+  };
+
+  const Run markdown = run(files + " --table markdown --names worse,a_b --digits 5");
+  CHECK(markdown.code == 0);
+  auto rows = cells(markdown.out, '|');
+  REQUIRE(rows.size() >= 4);
+  CHECK(rows[0][3] == " ATE \\[m\\] rmse ");
+  CHECK(has(markdown.out, "RPE 1s"));
+  CHECK(rows[2][1] == " worse ");
+  CHECK(rows[2][2] == " 77 of 77 (100.0 %) ");
+  CHECK(rows[2][3] == " " + fixed(first, 5) + " ");
+  CHECK(rows[2][5] == " - ");
+  CHECK(rows[3][1] == " a\\_b ");
+  CHECK(rows[3][2] == " 160 of 160 (100.0 %) ");
+  CHECK(rows[3][3] == " **" + fixed(second, 5) + "** ");
+  CHECK(rows[3][5] == " " + fixed(100 * (first - second) / first, 2) + " ");
+  CHECK(has(markdown.out, "stamps less than 0.02 s apart"));
+  CHECK(has(markdown.err, "77 pairs, another estimate has 160"));
+
+  const Run latex = run(files + " --table latex --baseline '" + better + "'");
+  CHECK(has(latex.out, "a\\&b & 160 of 160 (100.0 \\%) & \\textbf{" + fixed(second, 6) + "}"));
+  CHECK(has(latex.out, fixed(100 * (second - first) / second, 2)));
+  CHECK(has(latex.out, "\\begin{tabular}{lrrrrrrrrrrr}"));
+
+  const Run csv = run(files + " --table csv --baseline estimate");
+  rows = cells(csv.out, ',');
+  REQUIRE(rows.size() == 3);
+  CHECK(rows[0].size() == rows[2].size());
+  CHECK(rows[0][4] == "pairs");
+  CHECK(rows[1][4] == "77");
+  CHECK(std::stod(rows[2][10]) == doctest::Approx(second).epsilon(1e-8));
+  CHECK(std::stod(rows[2][16]) == doctest::Approx(100 * (first - second) / first).epsilon(1e-6));
+
+  const Run text = run(files);
+  CHECK(has(text.out, fixed(second, 6) + "*"));
+  const auto j = nlohmann::ordered_json::parse(run(files + " --json").out);
+  REQUIRE(j["estimates"].size() == 2);
+  CHECK(j["estimates"][1]["ate"]["rmse"].get<double>() == second);
+  CHECK(j["baseline"] == "estimate");
+  fails(run(files + " --baseline nobody"), "--baseline 'nobody': no such estimate, expected one of estimate, ");
+  fails(run(files + " --names one"), "--names: 1 names for 2 estimates");
+  std::remove(better.c_str());
+}
+
+TEST_CASE("an error over less than 90 % of the poses is warned about, marked, and not the best") {
+  const Files f;
+  std::string half;  // every other pose 15 ms late: within 20 ms, not within 10 ms
+  for (int i = 0; i < 41; ++i)
+    half +=
+        std::to_string(100 + 0.125 * i + (i % 2) * 0.015) + " " + std::to_string(0.125 * i) + " " + std::to_string(i % 2) + " 0 0 0 0 1\n";
+  f.write_other(half);
+  const Run whole = run(f.truth + " " + f.other);
+  CHECK(whole.err.empty());
+  CHECK(has(whole.out, "41 of 41 pairs"));
+  const Run part = run(f.truth + " " + f.other + " --association evo");
+  CHECK(part.code == 0);
+  CHECK(has(part.err, "the ATE is over 21 of 41 poses (51.2 %), less than 90 %"));
+  CHECK(has(part.out, "evo: nearest stamp of the longer list, at most 0.01 s apart; 21 of 41 pairs (51.2 %)"));
+  const Run table = run(f.truth + " " + f.estimate + " " + f.other + " --association evo --names whole,part");
+  CHECK(has(table.out, "21 of 41 (51.2 %) !"));
+  const auto rows = cells(table.out, '\n');
+  CHECK(has(rows[1][0], "*"));
+  CHECK(!has(rows[2][0], "*"));
+}
+
+TEST_CASE("the picture of an evaluation: PNG, SVG and PDF, and nothing of the user's is overwritten") {
+  const Files f;
+  if (std::system("gnuplot --version >/dev/null 2>&1") != 0) {
+    MESSAGE("skipped: gnuplot is not installed");
+    return;
+  }
+  const std::string both = f.truth + " " + f.estimate;
+  const std::string svg = temporary("plot.svg");
+  CHECK(run(both + " --plot " + svg).code == 0);
+  const std::string text = slurp(svg);
+  for (const char* word : {"</svg>", "plane of the largest extent, x and y", "ATE rmse 0.0000 m, 41 of 41 pairs", "position error [m]",
+                           "time [s]", "start", "end"}) {
+    CAPTURE(word);
+    CHECK(has(text, word));
+  }
+  CHECK(run(both + " --plot " + svg).code == 0);  // its own picture may be replaced
+  for (const char* extension : {"png", "pdf"}) {
+    const std::string file = temporary(std::string("plot.") + extension);
+    CHECK(run(both + " --plot " + file).code == 0);
+    CHECK(slurp(file).size() > 5000);
+    std::remove(file.c_str());
+  }
+  std::ofstream(svg) << "notes of the user";
+  fails(run(both + " --plot " + svg), "exists and is no such picture");
+  CHECK(slurp(svg) == "notes of the user");
+  fails(run(both + " --plot " + f.truth), "expected a file .png, .svg or .pdf");
+  fails(run(both + " --plot /no/such/folder/a.png"), "was not drawn");
+  std::remove(svg.c_str());
+}
+
+// Recordings that are not part of the repository, see ../evaluation/test_published_numbers.cpp; without them these cases are skipped.
+namespace {
+std::string folder_of(const char* variable, const std::string& otherwise) {
+  const char* value = std::getenv(variable);
+  return value != nullptr ? std::string(value) + "/" : otherwise;
+}
+std::string recordings() { return folder_of("APSO_DATA_DIR", std::string(APSO_SOURCE_DIR) + "/../shared/data/") + "trajectories/"; }
+/// The folder test/data of the repository of evo.
+std::string evo_data() { return folder_of("APSO_EVO_DATA", "no folder/"); }
+bool missing(const std::string& file) { return !std::ifstream(file).good(); }
+nlohmann::json evaluated(const std::string& arguments) {
+  const Run r = run(arguments + " --json");
+  CAPTURE(r.err);
+  REQUIRE(r.code == 0);
+  return nlohmann::json::parse(r.out);
+}
+/// Equal to the six decimals that were published.
+void same(const nlohmann::json& value, double published) {
+  INFO("value " << value << ", published " << published);
+  CHECK(std::abs(value.get<double>() - published) <= 0.51e-6);
+}
+}  // namespace
+
+TEST_CASE("published: apso_eval on TUM recordings, evo and the scripts of the benchmark" *
+          doctest::skip(missing(recordings() + "groundtruth/fr2_desk.txt"))) {
+  const auto files = [](const std::string& truth, const std::string& estimate) {
+    return recordings() + "groundtruth/" + truth + ".txt " + recordings() + "estimated/" + estimate + ".txt";
+  };
+  struct Row {
+    const char *truth, *estimate;
+    int pairs;
+    double rmse, mean, std;
+  };
+  for (const Row& row : {Row{"fr3_walking_xyz", "fr3_walking_xyz_orbslam3", 826, 0.665905, 0.541956, 0.386929},
+                         Row{"fr3_walking_xyz", "fr3_walking_xyz_lccrf", 826, 0.022131, 0.019175, 0.011050},
+                         Row{"fr2_desk", "fr2_desk_ORB", 2174, 0.008119, 0.007492, 0.003129},
+                         Row{"fr1_xyz", "fr1_xyz_rgbdslam", 785, 0.013470, 0.012024, 0.006071}}) {
+    const auto j = evaluated(files(row.truth, row.estimate) + " --association evo");
+    CHECK(j["pairs"] == row.pairs);
+    same(j["ate"]["rmse"], row.rmse);
+    same(j["ate"]["mean"], row.mean);
+    same(j["ate"]["std"], row.std);
+  }
+  const auto second = evaluated(files("fr2_desk", "fr2_desk_ORB"));
+  CHECK(second["pairs"] == 2223);
+  same(second["ate"]["rmse"], 0.008144);
+  CHECK(second["rpe"]["pairs"] == 1998);
+  same(second["rpe"]["translation"]["rmse"], 0.007161);
+  same(second["rpe"]["rotation_deg"]["rmse"], 0.455005);
+  const auto frame = evaluated(files("fr2_desk", "fr2_desk_ORB") + " --delta 1f");
+  CHECK(frame["rpe"]["pairs"] == 2060);
+  same(frame["rpe"]["translation"]["rmse"], 0.003381);
+  same(frame["rpe"]["rotation_deg"]["rmse"], 0.266378);
+}
+
+TEST_CASE("published: apso_eval on KITTI 00, results of evo" * doctest::skip(missing(evo_data() + "KITTI_00_gt.txt"))) {
+  // test/data/res_files/orb_ape.zip and sptam_ape.zip of evo
+  const auto orb = evaluated(evo_data() + "KITTI_00_gt.txt " + evo_data() + "KITTI_00_ORB.txt");
+  CHECK(orb["format"] == "kitti");
+  CHECK(orb["pairs"] == 4541);
+  same(orb["ate"]["rmse"], 1.3034497145650266);
+  same(orb["ate"]["mean"], 1.1569971285389768);
+  same(orb["ate"]["median"], 1.065624769555848);
+  same(orb["ate"]["std"], 0.6002822693968323);
+  same(orb["ate"]["max"], 3.587949120678954);
+  const auto sptam =
+      evaluated(evo_data() + "KITTI_00_gt.txt " + evo_data() + "KITTI_00_SPTAM.txt --times " + evo_data() + "KITTI_00_gt_times.txt");
+  same(sptam["ate"]["rmse"], 3.738487907582613);
+  same(sptam["ate"]["min"], 0.694787347406252);
 }
 
 #endif

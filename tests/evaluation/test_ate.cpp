@@ -201,3 +201,103 @@ TEST_CASE("wrong calls are contract errors") {
   CHECK_THROWS_AS((void)apso::align_horn({}, {}), apso::contract_error);
   CHECK_THROWS_AS((void)apso::align_horn({Vector3d::Zero()}, {}), apso::contract_error);
 }
+
+TEST_CASE("a similarity recovers scale and motion; a rigid motion cannot, and its error is never smaller") {
+  const apso::Trajectory truth = from_points(cloud(40, 7));
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> u(-1, 1);
+  apso::AteOptions options;
+  for (int i = 0; i < 50; ++i) {
+    const double scale = std::exp(3 * u(random));
+    const apso::Pose T = motion({9 * u(random), 9 * u(random), 9 * u(random)}, {2 * u(random), 2 * u(random), 2 * u(random)});
+    apso::Trajectory estimate = moved(T, truth);
+    for (auto& p : estimate) p.T_world_body.translation() *= scale;
+    options.alignment = apso::TrajectoryAlignment::Sim3;
+    const apso::AteResult r = apso::ate(truth, estimate, options);
+    CHECK(r.status == apso::Status::Converged);
+    CHECK(r.scale == doctest::Approx(1 / scale).epsilon(1e-10));
+    CHECK(r.statistics.max < 1e-9);
+    const apso::Trajectory back = apso::aligned(estimate, r);
+    for (std::size_t k = 0; k < truth.size(); ++k) {
+      CHECK((back[k].T_world_body.matrix() - truth[k].T_world_body.matrix()).cwiseAbs().maxCoeff() < 1e-8);
+    }
+    options.alignment = apso::TrajectoryAlignment::Se3;
+    const apso::AteResult rigid = apso::ate(truth, estimate, options);
+    CHECK(rigid.scale == 1);
+    CHECK(rigid.statistics.rmse > 1e-4);
+  }
+}
+
+TEST_CASE("a similarity is the best of all: no other scale or motion nearby has a smaller error") {
+  const std::vector<Vector3d> truth = cloud(30, 3);
+  std::vector<Vector3d> noisy = cloud(30, 4);
+  for (std::size_t i = 0; i < truth.size(); ++i) noisy[i] = 2.5 * truth[i] + 0.4 * noisy[i];
+  const apso::SimilarityAlignment a = apso::align_umeyama(truth, noisy);
+  const auto cost = [&](double s, const apso::Pose& T) {
+    double sum = 0;
+    for (std::size_t i = 0; i < truth.size(); ++i) sum += (T * Vector3d(s * noisy[i]) - truth[i]).squaredNorm();
+    return sum;
+  };
+  const double least = cost(a.scale, a.T_target_source);
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < 300; ++i) {
+    const double size = i < 150 ? 1e-2 : 1e-4;
+    const apso::Pose d = motion({size * normal(random), size * normal(random), size * normal(random)},
+                                {size * normal(random), size * normal(random), size * normal(random)});
+    CHECK(cost(a.scale * (1 + size * normal(random)), d * a.T_target_source) > least);
+  }
+  // points in one place fix no scale, and nothing becomes NaN
+  const apso::SimilarityAlignment o = apso::align_umeyama({{1, 2, 3}, {1, 2, 3}, {1, 2, 3}}, {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}});
+  CHECK(o.rank == 0);
+  CHECK(o.scale == 1);
+  CHECK(apso::is_finite(o.T_target_source));
+}
+
+TEST_CASE("yaw alignment keeps gravity: a turn about it is found, a tilt stays as error") {
+  const apso::Trajectory truth = from_points(cloud(40, 9));
+  std::mt19937 random(10);
+  std::uniform_real_distribution<double> u(-1, 1);
+  apso::AteOptions yaw;
+  yaw.alignment = apso::TrajectoryAlignment::Yaw;
+  apso::AteOptions rigid;
+  for (int axis = 0; axis < 3; ++axis) {
+    yaw.gravity_axis = static_cast<apso::Axis>(axis);
+    const Vector3d up = Vector3d::Unit(axis);
+    for (int i = 0; i < 20; ++i) {
+      const apso::Pose T = motion({5 * u(random), 5 * u(random), 5 * u(random)}, pi * u(random) * up);
+      const apso::AteResult r = apso::ate(moved(T, truth), truth, yaw);
+      CHECK(r.status == apso::Status::Converged);
+      CHECK(r.statistics.max < 1e-12);
+      CHECK((r.T_groundtruth_estimate.matrix() - T.matrix()).cwiseAbs().maxCoeff() < 1e-11);
+      // any motion: gravity stays, and the rigid alignment, which has more freedom, is at least as good
+      const apso::Pose tilted = motion({u(random), u(random), u(random)}, {u(random), u(random), u(random)});
+      const apso::AteResult t = apso::ate(moved(tilted, truth), truth, yaw);
+      CHECK((t.T_groundtruth_estimate.linear() * up - up).norm() < 1e-15);
+      CHECK(t.statistics.rmse > 1e-3);
+      CHECK(apso::ate(moved(tilted, truth), truth, rigid).statistics.rmse < 1e-12);
+      // the angle is the best one
+      for (const double step : {-1e-3, 1e-3}) {
+        double sum = 0;
+        const apso::Pose other = motion({0, 0, 0}, step * up) * t.T_groundtruth_estimate;
+        Vector3d mean = Vector3d::Zero();
+        std::vector<Vector3d> left;
+        for (const auto& p : truth) {
+          left.push_back((tilted * p.T_world_body).translation() - other * p.T_world_body.translation());
+          mean += left.back() / static_cast<double>(truth.size());
+        }
+        for (const Vector3d& e : left) sum += (e - mean).squaredNorm();
+        CHECK(std::sqrt(sum / static_cast<double>(truth.size())) > t.statistics.rmse);
+      }
+    }
+  }
+  // straight up: no turn about gravity is better than another
+  yaw.gravity_axis = apso::Axis::Z;
+  const apso::Trajectory shaft = from_points({{1, 1, 0}, {1, 1, 1}, {1, 1, 2}});
+  CHECK(apso::ate(shaft, shaft, yaw).status == apso::Status::Degenerate);
+  CHECK(apso::ate(shaft, shaft, yaw).statistics.max < 1e-12);
+  // two positions are enough, one is not
+  CHECK(apso::ate(truth, apso::Trajectory(truth.begin(), truth.begin() + 2), yaw).status == apso::Status::Converged);
+  CHECK(apso::ate(truth, apso::Trajectory(truth.begin(), truth.begin() + 1), yaw).status == apso::Status::TooFewMatches);
+  CHECK_THROWS_AS((void)apso::align_about_axis({}, {}, apso::Axis::X), apso::contract_error);
+}

@@ -81,33 +81,41 @@ void sort_by_time(std::vector<T>& rows, Stamp&& stamp, const std::string& path, 
 }
 }  // namespace detail
 
-/// Reads a trajectory, lines of `timestamp tx ty tz qx qy qz qw` (seconds, metres, unit quaternion).
-/// Lines with NaN or infinite values are skipped, as the benchmark's scripts do, and so are positions beyond kMaxDistance;
-/// unsorted files are sorted; of repeated stamps the first is kept; quaternions are normalised. Each of these is reported in
-/// `warnings`.
-/// \throws io_error when the file cannot be read, a line is malformed, a quaternion is zero, or no pose is left
-[[nodiscard]] inline Trajectory read_trajectory(const std::string& path, std::vector<std::string>* warnings = nullptr) {
-  static constexpr const char* names[] = {"timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"};
-  detail::FieldReader reader(path);
+namespace detail {
+/// How a line of stamp, position and quaternion is written.
+struct PoseLine {
+  const char* description;  ///< of all fields, for messages
+  const char* names[8];
+  std::size_t qw;    ///< field of the quaternion's real part, before or after the three others
+  double seconds;    ///< in one unit of the stamp
+  bool more_fields;  ///< others may follow
+};
+inline constexpr PoseLine tum_line(double seconds) {
+  return {"timestamp tx ty tz qx qy qz qw", {"timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"}, 7, seconds, false};
+}
+
+/// Reads a trajectory of such lines, by the rules of read_trajectory.
+[[nodiscard]] inline Trajectory read_pose_lines(const std::string& path, const PoseLine& layout, std::vector<std::string>* warnings) {
+  FieldReader reader(path);
   Trajectory trajectory;
   bool warned_norm = false;
   while (reader.next()) {
-    reader.expect_fields(8, "timestamp tx ty tz qx qy qz qw");
+    if (!layout.more_fields || reader.fields().size() < 8) reader.expect_fields(8, layout.description);
     double v[8];
     const char* bad = nullptr;
     for (std::size_t i = 0; i < 8; ++i) {
-      v[i] = reader.number(i, names[i]);
-      if (bad == nullptr && !std::isfinite(v[i])) bad = names[i];
+      v[i] = reader.number(i, layout.names[i]);
+      if (bad == nullptr && !std::isfinite(v[i])) bad = layout.names[i];
     }
     if (bad != nullptr) {
-      detail::warn(warnings, reader.where() + bad + " is not finite, line skipped");
+      warn(warnings, reader.where() + bad + " is not finite, line skipped");
       continue;
     }
     for (std::size_t i = 1; i < 4 && bad == nullptr; ++i) {
-      if (std::abs(v[i]) > kMaxDistance) bad = names[i];
+      if (std::abs(v[i]) > kMaxDistance) bad = layout.names[i];
     }
     if (bad != nullptr) {
-      detail::warn(warnings, reader.where() + bad + " is beyond 1e9 m, line skipped");
+      warn(warnings, reader.where() + bad + " is beyond 1e9 m, line skipped");
       continue;
     }
     double largest = 0;  // taken out, so that no square overflows
@@ -118,18 +126,29 @@ void sort_by_time(std::vector<T>& rows, Stamp&& stamp, const std::string& path, 
     if (!(norm > 1e-9)) throw io_error(reader.where() + "quaternion qx qy qz qw is zero, expected a unit quaternion");
     if (std::abs(norm - 1.0) > 1e-2 && !warned_norm) {
       warned_norm = true;
-      detail::warn(warnings, reader.where() + "quaternion is not of unit length, normalised (this and later ones)");
+      warn(warnings, reader.where() + "quaternion is not of unit length, normalised (this and later ones)");
     }
+    const std::size_t qx = layout.qw == 4 ? 5 : 4;
     StampedPose pose;
-    pose.timestamp = v[0];
-    pose.T_world_body = make_pose(rotation(unit({v[7] / norm, v[4] / norm, v[5] / norm, v[6] / norm})), {v[1], v[2], v[3]});
+    pose.timestamp = v[0] * layout.seconds;
+    pose.T_world_body =
+        make_pose(rotation(unit({v[layout.qw] / norm, v[qx] / norm, v[qx + 1] / norm, v[qx + 2] / norm})), {v[1], v[2], v[3]});
     trajectory.push_back(pose);
   }
-  if (trajectory.empty()) {
-    throw io_error(path + ": no pose found, expected lines 'timestamp tx ty tz qx qy qz qw'");
-  }
-  detail::sort_by_time(trajectory, [](const StampedPose& p) { return p.timestamp; }, path, warnings);
+  if (trajectory.empty()) throw io_error(path + ": no pose found, expected lines '" + layout.description + "'");
+  sort_by_time(
+      trajectory, [](const StampedPose& p) { return p.timestamp; }, path, warnings);
   return trajectory;
+}
+}  // namespace detail
+
+/// Reads a trajectory, lines of `timestamp tx ty tz qx qy qz qw` (seconds, metres, unit quaternion).
+/// Lines with NaN or infinite values are skipped, as the benchmark's scripts do, and so are positions beyond kMaxDistance; unsorted
+/// files are sorted; of repeated stamps the first is kept; quaternions are normalised. Each of these is reported in `warnings`.
+/// Other formats are read by io/trajectory_file.hpp.
+/// \throws io_error when the file cannot be read, a line is malformed, a quaternion is zero, or no pose is left
+[[nodiscard]] inline Trajectory read_trajectory(const std::string& path, std::vector<std::string>* warnings = nullptr) {
+  return detail::read_pose_lines(path, detail::tum_line(1), warnings);
 }
 
 /// Writes a trajectory that read_trajectory and the benchmark's tools read: stamps with 6 decimals (with as many as

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Writes two small trajectories and their errors, computed here by another route than in the library.
+"""Writes small trajectories and their errors, computed here by another route than in the library.
 
-Alignment: the rotation is the polar factor of the cross-covariance, by Newton's iteration (the library: Horn's quaternion).
+Alignment: the rotation is the polar factor of the cross-covariance, by Newton's iteration (the library: Horn's quaternion); the scale
+and the angle about gravity are found by a golden section search (the library: closed forms).
 Association and pairs follow the description of the TUM RGB-D benchmark: greedy by smallest difference of time; pose nearest to
 i + delta. Only the standard library of Python is needed.  usage: make_oracle.py  (writes next to itself)
 """
@@ -77,7 +78,37 @@ def write_trajectories():
     (HERE / "estimate.txt").write_text("\n".join(estimate) + "\n")
 
 
-def ate(truth, estimate):
+def write_other_formats(truth, estimate):
+    """The same poses for EuRoC (nanoseconds, w first) and as ORB-SLAM3 writes them; every second one for KITTI, with a scale."""
+    rows = lambda name: [x.split() for x in (HERE / name).read_text().splitlines() if not x.startswith("#")]
+    ns = lambda t: str(1500000000000000000 + round(float(t) * 10000) * 100000)
+    euroc = ["#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w [],q_x [],q_y [],q_z [],v_x [m s^-1],v_y [m s^-1],v_z [m s^-1]"]
+    euroc += [",".join([ns(r[0])] + r[1:4] + [r[7]] + r[4:7] + ["0.1", "0.2", "0.3"]) for r in rows("truth.txt")]
+    (HERE / "truth_euroc.csv").write_text("\n".join(euroc) + "\n")
+    (HERE / "estimate_ns.txt").write_text("".join(" ".join([ns(r[0])] + r[1:]) + "\n" for r in rows("estimate.txt")))
+    matrix = lambda p, R: " ".join("%.9e" % v for k in range(3) for v in R[k] + [p[k]]) + "\n"
+    (HERE / "truth_kitti.txt").write_text("".join(matrix(p, R) for _, p, R in truth[:2 * len(estimate):2]))
+    (HERE / "estimate_kitti.txt").write_text("".join(matrix([0.8 * x for x in p], R) for _, p, R in estimate))
+
+
+def read_kitti(path):
+    out = []
+    for i, text in enumerate(path.read_text().splitlines()):
+        v = [float(x) for x in text.split()]
+        out.append((float(i), v[3::4], [v[4 * k:4 * k + 3] for k in range(3)]))
+    return out
+
+
+def least(f, low, high):
+    """Argument of the minimum of a function with one minimum in there."""
+    g = (math.sqrt(5) - 1) / 2
+    for _ in range(120):
+        a, b = high - g * (high - low), low + g * (high - low)
+        low, high = (low, b) if f(a) < f(b) else (a, high)
+    return 0.5 * (low + high)
+
+
+def ate(truth, estimate, kind="se3", axis=2):
     candidates = sorted((abs(a[0] - b[0]), i, j) for i, a in enumerate(truth) for j, b in enumerate(estimate) if abs(a[0] - b[0]) < 0.02)
     left, right, pairs = set(), set(), []
     for _, i, j in candidates:
@@ -88,12 +119,22 @@ def ate(truth, estimate):
     p = [estimate[j][1] for _, j in pairs]
     mq = [sum(v[k] for v in q) / n for k in range(3)]
     mp = [sum(v[k] for v in p) / n for k in range(3)]
-    H = [[sum((b[r] - mq[r]) * (a[c] - mp[c]) for a, b in zip(p, q)) for c in range(3)] for r in range(3)]
-    for _ in range(100):
-        T = transposed(inverse(H))
-        H = [[0.5 * (H[r][c] + T[r][c]) for c in range(3)] for r in range(3)]
-    e = [math.dist([a + b - c for a, b, c in zip(apply(H, v), mq, apply(H, mp))], w) for v, w in zip(p, q)]
-    return n, math.sqrt(sum(x * x for x in e) / n), sum(e) / n, max(e)
+    q = [[a - b for a, b in zip(v, mq)] for v in q]
+    p = [[a - b for a, b in zip(v, mp)] for v in p]
+    errors = lambda R, s: [math.dist([s * x for x in apply(R, a)], b) for a, b in zip(p, q)]
+    squares = lambda R, s: sum(x * x for x in errors(R, s))
+    if kind == "yaw":
+        about = lambda angle: rotation(turned([float(k == axis) for k in range(3)], angle))
+        start = min((squares(about(0.01 * k), 1), 0.01 * k) for k in range(-315, 315))[1]
+        H = about(least(lambda angle: squares(about(angle), 1), start - 0.02, start + 0.02))
+    else:
+        H = [[sum(b[r] * a[c] for a, b in zip(p, q)) for c in range(3)] for r in range(3)]
+        for _ in range(100):
+            T = transposed(inverse(H))
+            H = [[0.5 * (H[r][c] + T[r][c]) for c in range(3)] for r in range(3)]
+    scale = least(lambda s: squares(H, s), 0.01, 100) if kind == "sim3" else 1
+    e = errors(H, scale)
+    return n, math.sqrt(sum(x * x for x in e) / n), sum(e) / n, max(e), scale
 
 
 def rpe(truth, estimate, delta):
@@ -123,5 +164,12 @@ def rpe(truth, estimate, delta):
 if __name__ == "__main__":
     write_trajectories()
     truth, estimate = read(HERE / "truth.txt"), read(HERE / "estimate.txt")
-    print("ATE pairs %d rmse %.12f mean %.12f max %.12f" % ate(truth, estimate))
+    line_of = "ATE %s pairs %d rmse %.12f mean %.12f max %.12f scale %.9f"
+    for kind in ("se3", "sim3", "yaw"):
+        print(line_of % ((kind,) + ate(truth, estimate, kind)))
     print("RPE 1 s pairs %d translation %.12f rotation_deg %.12f" % rpe(truth, estimate, 1.0))
+    write_other_formats(truth, estimate)
+    truth, estimate = read_kitti(HERE / "truth_kitti.txt"), read_kitti(HERE / "estimate_kitti.txt")
+    for kind, axis in (("se3", 2), ("sim3", 2), ("yaw", 1)):
+        print("KITTI " + line_of % ((kind,) + ate(truth, estimate, kind, axis)))
+    print("KITTI RPE 1 frame pairs %d translation %.12f rotation_deg %.12f" % rpe(truth, estimate, 1.0))
