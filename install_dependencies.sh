@@ -2,7 +2,8 @@
 # Installs what apso's programs and tests need on Debian or Ubuntu. docs/dependencies.md says why each is there.
 set -euo pipefail
 packages=(g++ cmake ninja-build libeigen3-dev libopencv-dev libcli11-dev nlohmann-json3-dev libyaml-cpp-dev gnuplot-nox
-          libbenchmark-dev doctest-dev clang git pkgconf python3 meson doxygen mkdocs-material)
+          libbenchmark-dev doctest-dev clang git pkgconf python3 meson doxygen mkdocs-material
+          python3-pybind11 python3-numpy python3-dev python3-pip python3-setuptools python3-wheel)
 missing=()
 for package in "${packages[@]}"; do
   dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing+=("$package")

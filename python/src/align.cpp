@@ -50,27 +50,38 @@ py::array_t<double> blend(const py::object& T_feature, const py::object& T_direc
 
 void add_align(py::module_& m) {
   py::class_<Alignment>(m, "Alignment", "Motion between two frames, as apso.align found it.")
-      .def_property_readonly("ok", [](const Alignment& a) { return apso::succeeded(a.status); }, "True if T may be used; otherwise T is the guess.")
-      .def_property_readonly("status", [](const Alignment& a) { return apso::to_string(a.status); }, "How it ended, e.g. 'Converged', 'NoOverlap'.")
-      .def_property_readonly("T", [](const Alignment& a) { return array_of(a.T_current_reference); },
-                             "T_current_reference, 4x4: maps points of the first camera into the second [m].")
+      .def_property_readonly(
+          "ok", [](const Alignment& a) { return apso::succeeded(a.status); }, "True if T may be used; otherwise T is the guess.")
+      .def_property_readonly(
+          "status", [](const Alignment& a) { return apso::to_string(a.status); }, "How it ended, e.g. 'Converged', 'NoOverlap'.")
+      .def_property_readonly(
+          "T", [](const Alignment& a) { return array_of(a.T_current_reference); },
+          "T_current_reference, 4x4: maps points of the first camera into the second [m].")
       .def_readonly("confidence", &Alignment::confidence, "How far T can be trusted, [0, 1]; above 0.5 it is probably right.")
-      .def_property_readonly("information", [](const Alignment& a) { return array_of(a.detail.information); },
-                             "6x6, of the increment (v, w) in the second camera [1/m^2, 1/rad^2]; 0 in open directions.")
-      .def_property_readonly("covariance", [](const Alignment& a) { return array_of(a.detail.covariance); },
-                             "6x6, the inverse of the information on the directions that are determined [m^2, m rad, rad^2].")
-      .def_property_readonly("open_directions", [](const Alignment& a) { return a.detail.degenerate_count; },
-                             "Directions of motion that the images leave open, 0 to 6.")
-      .def_property_readonly("valid_share", [](const Alignment& a) { return a.detail.valid_share; }, "Share of the pixels that were compared, [0, 1].")
-      .def_property_readonly("iterations", [](const Alignment& a) { return a.detail.iterations; }, "Iterations over all pyramid levels.")
-      .def_property_readonly("cost", [](const Alignment& a) { return a.detail.cost; }, "Final mean robust cost.")
-      .def_readonly("backward_translation", &Alignment::backward_translation, "With options={'backward': True}: difference to the way back [m].")
+      .def_property_readonly(
+          "information", [](const Alignment& a) { return array_of(a.detail.information); },
+          "6x6, of the increment (v, w) in the second camera [1/m^2, 1/rad^2]; 0 in open directions.")
+      .def_property_readonly(
+          "covariance", [](const Alignment& a) { return array_of(a.detail.covariance); },
+          "6x6, the inverse of the information on the directions that are determined [m^2, m rad, rad^2].")
+      .def_property_readonly(
+          "open_directions", [](const Alignment& a) { return a.detail.degenerate_count; },
+          "Directions of motion that the images leave open, 0 to 6.")
+      .def_property_readonly(
+          "valid_share", [](const Alignment& a) { return a.detail.valid_share; }, "Share of the pixels that were compared, [0, 1].")
+      .def_property_readonly(
+          "iterations", [](const Alignment& a) { return a.detail.iterations; }, "Iterations over all pyramid levels.")
+      .def_property_readonly(
+          "cost", [](const Alignment& a) { return a.detail.cost; }, "Final mean robust cost.")
+      .def_readonly("backward_translation", &Alignment::backward_translation,
+                    "With options={'backward': True}: difference to the way back [m].")
       .def_readonly("backward_rotation", &Alignment::backward_rotation, "The same for the rotation [rad].")
       .def("__repr__", [](const Alignment& a) {
-        return "<apso.Alignment " + std::string(apso::to_string(a.status)) + ", confidence " + std::string(py::str(py::float_(a.confidence))) + ">";
+        return "<apso.Alignment " + std::string(apso::to_string(a.status)) + ", confidence " +
+               std::string(py::str(py::float_(a.confidence))) + ">";
       });
-  m.def("align", &align, py::arg("I0"), py::arg("D0"), py::arg("I1"), py::arg("D1"), py::arg("K"), py::kw_only(), py::arg("depth_unit") = py::none(),
-        py::arg("guess") = py::none(), py::arg("options") = py::dict(),
+  m.def("align", &align, py::arg("I0"), py::arg("D0"), py::arg("I1"), py::arg("D1"), py::arg("K"), py::kw_only(),
+        py::arg("depth_unit") = py::none(), py::arg("guess") = py::none(), py::arg("options") = py::dict(),
         R"(Find the camera motion between two RGB-D frames by direct alignment.
 
 I0, I1: (height, width), grey: uint8 or uint16, or float32 in [0, 1].

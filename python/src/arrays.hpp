@@ -39,16 +39,21 @@ class ArrayImage {
   /// \param name of the argument, for messages
   ArrayImage(py::array array, const char* name) : array_(std::move(array)) {
     if (array_.ndim() != 2) fail(name, "expected an image of two dimensions, (height, width)");
-    if (array_.shape(0) < 1 || array_.shape(1) < 1 || array_.shape(0) > apso::Pinhole::kMaxSide || array_.shape(1) > apso::Pinhole::kMaxSide) {
+    if (array_.shape(0) < 1 || array_.shape(1) < 1 || array_.shape(0) > apso::Pinhole::kMaxSide ||
+        array_.shape(1) > apso::Pinhole::kMaxSide) {
       fail(name, "expected 1 to 32767 rows and columns");
     }
     if (array_.strides(0) < 0 || array_.strides(1) < 0) fail(name, "its strides are negative: give a copy, numpy.ascontiguousarray(...)");
     const char kind = array_.dtype().kind();
     const py::ssize_t size = array_.itemsize();
-    if (kind == 'u' && size == 1) view<std::uint8_t>(name);
-    else if (kind == 'u' && size == 2) view<std::uint16_t>(name);
-    else if (kind == 'f' && size == 4) view<float>(name);
-    else throw py::type_error(std::string(name) + " has dtype " + dtype_text(array_) + ", expected uint8, uint16 or float32");
+    if (kind == 'u' && size == 1)
+      view<std::uint8_t>(name);
+    else if (kind == 'u' && size == 2)
+      view<std::uint16_t>(name);
+    else if (kind == 'f' && size == 4)
+      view<float>(name);
+    else
+      throw py::type_error(std::string(name) + " has dtype " + dtype_text(array_) + ", expected uint8, uint16 or float32");
   }
   ArrayImage(const ArrayImage&) = delete;
   ArrayImage& operator=(const ArrayImage&) = delete;
@@ -123,7 +128,8 @@ class ArrayFrame {
                             depth_.shape() + ": expected the same shape");
     }
     if (!depth_unit && !depth_.floating()) {
-      throw py::value_error(std::string(depth_name) + " has integers: give their unit, depth_unit=1/5000 (TUM) or depth_unit=0.001 (millimetres)");
+      throw py::value_error(std::string(depth_name) +
+                            " has integers: give their unit, depth_unit=1/5000 (TUM) or depth_unit=0.001 (millimetres)");
     }
     unit_ = static_cast<float>(depth_unit.value_or(1.0));
     if (!(unit_ >= 1e-12F && unit_ <= 1e9F)) throw py::value_error("depth_unit must be a positive number of metres");
@@ -147,7 +153,8 @@ inline py::array_t<double> table(const py::object& object, const char* name, py:
   if (!a) throw py::error_already_set();
   if (a.size() == 0 && a.ndim() <= 2) return py::array_t<double>(std::vector<py::ssize_t>{0, least});
   if (a.ndim() != 2 || a.shape(1) < least) {
-    throw py::value_error(std::string(name) + " has shape " + shape_text(a) + ": expected (N, " + std::to_string(least) + " or more), " + columns);
+    throw py::value_error(std::string(name) + " has shape " + shape_text(a) + ": expected (N, " + std::to_string(least) + " or more), " +
+                          columns);
   }
   return a;
 }
@@ -216,7 +223,8 @@ Matrix matrix_of(const py::object& object, const char* name, py::ssize_t n) {
   const auto a = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(object);
   if (!a) throw py::error_already_set();
   if (a.ndim() != 2 || a.shape(0) != n || a.shape(1) != n) {
-    throw py::value_error(std::string(name) + " has shape " + shape_text(a) + ": expected (" + std::to_string(n) + ", " + std::to_string(n) + ")");
+    throw py::value_error(std::string(name) + " has shape " + shape_text(a) + ": expected (" + std::to_string(n) + ", " +
+                          std::to_string(n) + ")");
   }
   Matrix m;
   for (int i = 0; i < n; ++i) {
@@ -231,7 +239,8 @@ inline apso::Pose pose_of(const py::object& object, const char* name) {
 /// A pose that must be a rigid motion.
 inline apso::Pose rigid_pose_of(const py::object& object, const char* name) {
   const apso::Pose T = pose_of(object, name);
-  if (!apso::is_rigid(T)) throw py::value_error(std::string(name) + " is no rigid motion: expected [[R, t], [0, 0, 0, 1]] with R orthonormal, t in metres");
+  if (!apso::is_rigid(T))
+    throw py::value_error(std::string(name) + " is no rigid motion: expected [[R, t], [0, 0, 0, 1]] with R orthonormal, t in metres");
   return T;
 }
 

@@ -106,16 +106,22 @@ void add_evaluate(py::module_& m) {
         return "<apso.Statistics rmse " + std::string(py::str(py::float_(s.rmse))) + " over " + std::to_string(s.count) + " pairs>";
       });
   py::class_<Evaluation>(m, "Evaluation", "Absolute and relative error of a trajectory.")
-      .def_property_readonly("ate", [](const Evaluation& e) { return e.ate.statistics; }, "Position errors after alignment [m].")
-      .def_property_readonly("rpe_translation", [](const Evaluation& e) { return e.rpe.translation; }, "[m] per interval.")
-      .def_property_readonly("rpe_rotation", [](const Evaluation& e) { return e.rpe.rotation_deg; }, "[deg] per interval.")
+      .def_property_readonly(
+          "ate", [](const Evaluation& e) { return e.ate.statistics; }, "Position errors after alignment [m].")
+      .def_property_readonly(
+          "rpe_translation", [](const Evaluation& e) { return e.rpe.translation; }, "[m] per interval.")
+      .def_property_readonly(
+          "rpe_rotation", [](const Evaluation& e) { return e.rpe.rotation_deg; }, "[deg] per interval.")
       .def_readonly("estimate_poses", &Evaluation::estimate_poses, "Poses of the estimate; ate.count of them have an error.")
       .def_readonly("groundtruth_poses", &Evaluation::groundtruth_poses)
-      .def_property_readonly("unique", [](const Evaluation& e) { return e.ate.status == apso::Status::Converged; },
-                             "False: the positions do not fix the rotation of the alignment (the errors are right).")
-      .def_property_readonly("T_groundtruth_estimate", [](const Evaluation& e) { return array_of(e.ate.T_groundtruth_estimate); },
-                             "4x4: x_groundtruth = R (scale x_estimate) + t.")
-      .def_property_readonly("scale", [](const Evaluation& e) { return e.ate.scale; }, "Of the estimate; 1 unless alignment='sim3'.")
+      .def_property_readonly(
+          "unique", [](const Evaluation& e) { return e.ate.status == apso::Status::Converged; },
+          "False: the positions do not fix the rotation of the alignment (the errors are right).")
+      .def_property_readonly(
+          "T_groundtruth_estimate", [](const Evaluation& e) { return array_of(e.ate.T_groundtruth_estimate); },
+          "4x4: x_groundtruth = R (scale x_estimate) + t.")
+      .def_property_readonly(
+          "scale", [](const Evaluation& e) { return e.ate.scale; }, "Of the estimate; 1 unless alignment='sim3'.")
       .def_property_readonly(
           "pairs",
           [](const Evaluation& e) {
@@ -128,15 +134,17 @@ void add_evaluate(py::module_& m) {
             return out;
           },
           "(N, 2): indices of the ground truth and of the estimate.")
-      .def_property_readonly("errors", [](const Evaluation& e) { return py::array_t<double>(static_cast<py::ssize_t>(e.ate.errors.size()), e.ate.errors.data()); },
-                             "(N,): position error of each pair [m].")
+      .def_property_readonly(
+          "errors",
+          [](const Evaluation& e) { return py::array_t<double>(static_cast<py::ssize_t>(e.ate.errors.size()), e.ate.errors.data()); },
+          "(N,): position error of each pair [m].")
       .def("__repr__", [](const Evaluation& e) {
-        return "<apso.Evaluation ATE rmse " + std::string(py::str(py::float_(e.ate.statistics.rmse))) + " m over " + std::to_string(e.ate.pairs.size()) +
-               " of " + std::to_string(e.estimate_poses) + " poses>";
+        return "<apso.Evaluation ATE rmse " + std::string(py::str(py::float_(e.ate.statistics.rmse))) + " m over " +
+               std::to_string(e.ate.pairs.size()) + " of " + std::to_string(e.estimate_poses) + " poses>";
       });
-  m.def("evaluate", &evaluate, py::arg("groundtruth"), py::arg("estimate"), py::kw_only(), py::arg("alignment") = "se3", py::arg("association") = "tum",
-        py::arg("max_difference") = 0.0, py::arg("gravity_axis") = "z", py::arg("delta") = 1.0, py::arg("unit") = "s", py::arg("form") = "tum",
-        py::arg("time_offset") = 0.0,
+  m.def("evaluate", &evaluate, py::arg("groundtruth"), py::arg("estimate"), py::kw_only(), py::arg("alignment") = "se3",
+        py::arg("association") = "tum", py::arg("max_difference") = 0.0, py::arg("gravity_axis") = "z", py::arg("delta") = 1.0,
+        py::arg("unit") = "s", py::arg("form") = "tum", py::arg("time_offset") = 0.0,
         R"(Absolute and relative error of an estimated trajectory.
 
 groundtruth, estimate: (N, 8), rows of timestamp tx ty tz qx qy qz qw [s, m], or a pair of (N,) stamps and (N, 4, 4) poses

@@ -1,5 +1,5 @@
 /// \file
-/// Settings from a dict: {"alignment.alpha": 1.5, "backward": True}. The names are those of apso_track --list-options.
+/// Settings from a dict: {"alignment.alpha": 1.5, "backward": True}. The names are the fields of the options structs.
 #pragma once
 
 #include <set>
@@ -49,7 +49,9 @@ class OptionSetter {
       return given.cast<T>();
     } catch (const py::cast_error&) {
       throw py::type_error("option '" + path + "' is " + std::string(py::repr(given)) + ", expected " +
-                           (std::is_same_v<T, bool> ? "True or False" : std::is_integral_v<T> ? "a whole number" : "a number"));
+                           (std::is_same_v<T, bool> ? "True or False"
+                            : std::is_integral_v<T> ? "a whole number"
+                                                    : "a number"));
     }
   }
   template <class T>

@@ -37,8 +37,8 @@ class MaybeMask {
     image_.emplace(array, name);
     if (probabilities && !image_->floating()) throw py::type_error(std::string(name) + " must be float32 in [0, 1]");
     if (image_->width() != camera.width || image_->height() != camera.height) {
-      throw py::value_error(std::string(name) + " has shape " + image_->shape() + " and the camera has shape (" + std::to_string(camera.height) + ", " +
-                            std::to_string(camera.width) + "): expected the same shape");
+      throw py::value_error(std::string(name) + " has shape " + image_->shape() + " and the camera has shape (" +
+                            std::to_string(camera.height) + ", " + std::to_string(camera.width) + "): expected the same shape");
     }
   }
   [[nodiscard]] bool given() const { return image_.has_value(); }
@@ -85,8 +85,8 @@ class PythonPipeline {
     }
     return dynamic_probability();
   }
-  PythonAssessment assess(const py::object& T_feature, const py::object& T_predicted, bool ok, const py::object& keypoints, const py::object& tracks,
-                          const py::object& information) {
+  PythonAssessment assess(const py::object& T_feature, const py::object& T_predicted, bool ok, const py::object& keypoints,
+                          const py::object& tracks, const py::object& information) {
     apso::FeaturePose<> pose;
     pose.T_world_feature = pose_of(T_feature, "T_feature");
     pose.T_world_predicted = T_predicted.is_none() ? pose.T_world_feature : rigid_pose_of(T_predicted, "T_predicted");
@@ -135,7 +135,8 @@ class PythonTracker {
       : camera_(camera_of_shape(K, shape)), tracker_(camera_, options_of(options)) {}
 
   void begin(double timestamp, const py::array& I, const py::array& D, const py::object& keypoints,
-             const py::array_t<std::uint8_t, py::array::c_style>& descriptors, const py::object& tracks, const std::optional<double>& depth_unit) {
+             const py::array_t<std::uint8_t, py::array::c_style>& descriptors, const py::object& tracks,
+             const std::optional<double>& depth_unit) {
     const ArrayFrame frame(I, D, "I", "D", depth_unit);
     check_shape(frame, camera_);
     const std::vector<apso::Keypoint> corners = keypoints_of(keypoints);
@@ -179,10 +180,14 @@ void add_pipeline(py::module_& m) {
   using Report = apso::FrameReport;
   py::class_<Report>(m, "Report", "What the pipeline concluded about a frame. Poses are T_world_camera, 4x4 [m].")
       .def_readonly("timestamp", &Report::timestamp, "[s]")
-      .def_property_readonly("state", [](const Report& r) { return apso::to_string(r.state); }, "'INITIALISING', 'GOOD', 'BAD' or 'LOST'.")
-      .def_property_readonly("T", [](const Report& r) { return array_of(r.T_world_camera); }, "The final pose; in state LOST only the prediction.")
-      .def_property_readonly("T_feature", [](const Report& r) { return array_of(r.T_world_feature); }, "The pose that was given to assess().")
-      .def_property_readonly("T_direct", [](const Report& r) { return array_of(r.T_world_direct); }, "Of direct alignment, if refined.")
+      .def_property_readonly(
+          "state", [](const Report& r) { return apso::to_string(r.state); }, "'INITIALISING', 'GOOD', 'BAD' or 'LOST'.")
+      .def_property_readonly(
+          "T", [](const Report& r) { return array_of(r.T_world_camera); }, "The final pose; in state LOST only the prediction.")
+      .def_property_readonly(
+          "T_feature", [](const Report& r) { return array_of(r.T_world_feature); }, "The pose that was given to assess().")
+      .def_property_readonly(
+          "T_direct", [](const Report& r) { return array_of(r.T_world_direct); }, "Of direct alignment, if refined.")
       .def_readonly("refined", &Report::refined, "A direct pose was trusted: T joins it with T_feature.")
       .def_readonly("keyframe_allowed", &Report::keyframe_allowed, "A map may learn from this frame.")
       .def_property_readonly("assessment", [](const Report& r) { return PythonAssessment{r.assessment}; });
@@ -190,17 +195,19 @@ void add_pipeline(py::module_& m) {
 
 For each frame call observe(), assess() and conclude(), in this order, with the pose of a feature tracker of yours or of Tracker.
 Nothing of an array is kept after a call. One thread at a time may use a Pipeline; different ones run in parallel.)")
-      .def(py::init<const py::object&, const std::pair<int, int>&, const py::dict&>(), py::arg("K"), py::arg("shape"), py::arg("options") = py::dict(),
+      .def(py::init<const py::object&, const std::pair<int, int>&, const py::dict&>(), py::arg("K"), py::arg("shape"),
+           py::arg("options") = py::dict(),
            R"(K: (3, 3), or (fx, fy, cx, cy), in pixels. shape: (height, width) of the images.
 options: settings by name, e.g. {"refine": "bad_only", "assessor.decision.th_differ": 0.6}.)")
       .def("observe", &PythonPipeline::observe, py::arg("timestamp"), py::arg("I"), py::arg("D"), py::arg("T_prior"), py::kw_only(),
-           py::arg("tracks") = py::none(), py::arg("detections") = py::none(), py::arg("mask") = py::none(), py::arg("depth_unit") = py::none(),
+           py::arg("tracks") = py::none(), py::arg("detections") = py::none(), py::arg("mask") = py::none(),
+           py::arg("depth_unit") = py::none(),
            R"(What moves? Returns the dynamic probability, (height, width), float32 in [0, 1].
 
 timestamp: [s]. I, D, depth_unit: as in apso.align. T_prior: (4, 4), best guess of T_world_camera.
 tracks, detections: as in apso.score. mask: (height, width), bool or integers (nonzero = dynamic), or float32 probabilities.)")
-      .def("assess", &PythonPipeline::assess, py::arg("T_feature"), py::kw_only(), py::arg("T_predicted") = py::none(), py::arg("ok") = true,
-           py::arg("keypoints") = py::none(), py::arg("tracks") = py::none(), py::arg("information") = py::none(),
+      .def("assess", &PythonPipeline::assess, py::arg("T_feature"), py::kw_only(), py::arg("T_predicted") = py::none(),
+           py::arg("ok") = true, py::arg("keypoints") = py::none(), py::arg("tracks") = py::none(), py::arg("information") = py::none(),
            R"(Can the frame be trusted? Returns an Assessment.
 
 T_feature: (4, 4), T_world_camera of a feature tracker. T_predicted: that of its motion model, T_feature if None.
@@ -213,16 +220,20 @@ information: (6, 6) of T_feature, translation first [1/m^2, 1/rad^2]; None: not 
   using Result = apso::FeatureResult;
   py::class_<Result>(m, "FeatureResult", "A pose of Tracker.")
       .def_readonly("ok", &Result::ok)
-      .def_property_readonly("T", [](const Result& r) { return array_of(r.T_world_camera); }, "T_world_camera, 4x4 [m].")
-      .def_property_readonly("T_predicted", [](const Result& r) { return array_of(r.T_world_predicted); }, "That of the motion model, 4x4 [m].")
-      .def_property_readonly("information", [](const Result& r) { return array_of(r.information); }, "6x6, translation first [1/m^2, 1/rad^2].");
-  py::class_<PythonTracker>(m, "Tracker", R"(A small feature tracker with a local map, for keypoints and binary descriptors of any detector (ORB of OpenCV, say).
+      .def_property_readonly(
+          "T", [](const Result& r) { return array_of(r.T_world_camera); }, "T_world_camera, 4x4 [m].")
+      .def_property_readonly(
+          "T_predicted", [](const Result& r) { return array_of(r.T_world_predicted); }, "That of the motion model, 4x4 [m].")
+      .def_property_readonly(
+          "information", [](const Result& r) { return array_of(r.information); }, "6x6, translation first [1/m^2, 1/rad^2].");
+  py::class_<PythonTracker>(
+      m, "Tracker", R"(A small feature tracker with a local map, for keypoints and binary descriptors of any detector (ORB of OpenCV, say).
 
 For each frame call begin(), estimate() as often as a better mask is known, and commit() with the final pose.)")
-      .def(py::init<const py::object&, const std::pair<int, int>&, const py::dict&>(), py::arg("K"), py::arg("shape"), py::arg("options") = py::dict(),
-           "K: (3, 3), or (fx, fy, cx, cy), in pixels. shape: (height, width) of the images.")
-      .def("begin", &PythonTracker::begin, py::arg("timestamp"), py::arg("I"), py::arg("D"), py::arg("keypoints"), py::arg("descriptors"), py::kw_only(),
-           py::arg("tracks") = py::none(), py::arg("depth_unit") = py::none(),
+      .def(py::init<const py::object&, const std::pair<int, int>&, const py::dict&>(), py::arg("K"), py::arg("shape"),
+           py::arg("options") = py::dict(), "K: (3, 3), or (fx, fy, cx, cy), in pixels. shape: (height, width) of the images.")
+      .def("begin", &PythonTracker::begin, py::arg("timestamp"), py::arg("I"), py::arg("D"), py::arg("keypoints"), py::arg("descriptors"),
+           py::kw_only(), py::arg("tracks") = py::none(), py::arg("depth_unit") = py::none(),
            "Takes the features of a new frame. keypoints: (N, 2 to 5). descriptors: (N, 32), uint8. tracks: (M, 6). As in apso.score.")
       .def("estimate", &PythonTracker::estimate, py::arg("dynamic_probability") = py::none(),
            "Pose of the frame begun. dynamic_probability: (height, width), float32 in [0, 1]; None: nothing moves.")

@@ -43,7 +43,8 @@ PythonAssessment score(const py::array& I, const py::array& D, const py::object&
     mask.emplace(py::array::ensure(dynamic_probability), "dynamic_probability");
     if (!mask->floating()) throw py::type_error("dynamic_probability must be float32 in [0, 1]");
     if (mask->width() != frame.width() || mask->height() != frame.height()) {
-      throw py::value_error("dynamic_probability has shape " + mask->shape() + " and I has shape " + frame.shape() + ": expected the same shape");
+      throw py::value_error("dynamic_probability has shape " + mask->shape() + " and I has shape " + frame.shape() +
+                            ": expected the same shape");
     }
   }
   const auto now = frame.at(timestamp, camera);
@@ -64,14 +65,19 @@ PythonAssessment score(const py::array& I, const py::array& D, const py::object&
 void add_score(py::module_& m) {
   using A = PythonAssessment;
   py::class_<A>(m, "Assessment", "How good a frame is, and why. A score that could not be computed is None.")
-      .def_property_readonly("state", [](const A& a) { return apso::to_string(a.assessment.state); }, "'INITIALISING', 'GOOD' or 'BAD'.")
-      .def_property_readonly("S_total", [](const A& a) { return a.assessment.S_total.value(); }, "The frame by itself, [0, 1], higher is better.")
-      .def_property_readonly("S_change", [](const A& a) { return number(a.assessment.S_change); },
-                             "Change since the reference, [0, 1], lower is better; None for the first frame.")
-      .def_property_readonly("S_final", [](const A& a) { return number(a.assessment.S_final); },
-                             "What decides, [0, 1]; None while a reference is searched.")
-      .def_property_readonly("th_differ", [](const A& a) { return a.assessment.th_differ; }, "S_final below it is BAD.")
-      .def_property_readonly("dynamic_ratio", [](const A& a) { return a.assessment.dynamic_ratio; }, "Share of the image that moves, [0, 1].")
+      .def_property_readonly(
+          "state", [](const A& a) { return apso::to_string(a.assessment.state); }, "'INITIALISING', 'GOOD' or 'BAD'.")
+      .def_property_readonly(
+          "S_total", [](const A& a) { return a.assessment.S_total.value(); }, "The frame by itself, [0, 1], higher is better.")
+      .def_property_readonly(
+          "S_change", [](const A& a) { return number(a.assessment.S_change); },
+          "Change since the reference, [0, 1], lower is better; None for the first frame.")
+      .def_property_readonly(
+          "S_final", [](const A& a) { return number(a.assessment.S_final); }, "What decides, [0, 1]; None while a reference is searched.")
+      .def_property_readonly(
+          "th_differ", [](const A& a) { return a.assessment.th_differ; }, "S_final below it is BAD.")
+      .def_property_readonly(
+          "dynamic_ratio", [](const A& a) { return a.assessment.dynamic_ratio; }, "Share of the image that moves, [0, 1].")
       .def_property_readonly(
           "scores",
           [](const A& a) {
@@ -96,7 +102,8 @@ void add_score(py::module_& m) {
             return out;
           },
           "What the scores were computed from, by name; NaN where a score is missing.")
-      .def("explain", [](const A& a) { return apso::explain(a.assessment); }, "One sentence: the state and what speaks against the frame.")
+      .def(
+          "explain", [](const A& a) { return apso::explain(a.assessment); }, "One sentence: the state and what speaks against the frame.")
       .def("__repr__", [](const A& a) { return "<apso.Assessment " + apso::explain(a.assessment) + ">"; });
   m.def("score", &score, py::arg("I"), py::arg("D"), py::arg("K"), py::kw_only(), py::arg("keypoints") = py::none(),
         py::arg("tracks") = py::none(), py::arg("detections") = py::none(), py::arg("dynamic_probability") = py::none(),

@@ -89,7 +89,8 @@ int main(int argc, char** argv) {
   Output out(argv[1]);
   const apso::testing::SyntheticSequence room("walking_xyz");
   const apso::Pinhole camera = room.camera();
-  out.array<double>("camera.f64", {camera.fx, camera.fy, camera.cx, camera.cy, static_cast<double>(camera.width), static_cast<double>(camera.height)});
+  out.array<double>("camera.f64",
+                    {camera.fx, camera.fy, camera.cx, camera.cy, static_cast<double>(camera.width), static_cast<double>(camera.height)});
 
   constexpr int frames = 12;
   apso::LandmarkTracker tracker(camera);
@@ -164,13 +165,15 @@ int main(int argc, char** argv) {
   found = apso::testing::SyntheticFeatures(camera);
   found.find(a.image);
   apso::SceneAssessor assessor(camera);
-  assessment(out, "score", assessor.assess(apso::assessment_input(apso::frame(0.0, a.I, apso::scaled(a.D, kUnit), camera), found.keypoints())));
+  assessment(out, "score",
+             assessor.assess(apso::assessment_input(apso::frame(0.0, a.I, apso::scaled(a.D, kUnit), camera), found.keypoints())));
 
   const apso::Pose other = apso::compose(found_motion.T_current_reference, apso::se3_exp(apso::Twist::Constant(0.01)));
   out.matrix("blend.other", other.matrix());
   out.matrix("blend.half", apso::blend(other, found_motion.T_current_reference, 0.5).matrix());
   apso::Matrix6 certain = apso::Matrix6::Identity() * 1e4;
-  out.matrix("blend.information", apso::blend(other, found_motion.T_current_reference, 0.3, certain, found_motion.detail.information).matrix());
+  out.matrix("blend.information",
+             apso::blend(other, found_motion.T_current_reference, 0.3, certain, found_motion.detail.information).matrix());
 
   for (const auto& [name, t] : {std::pair<const char*, const apso::Trajectory*>{"truth.f64", &truth}, {"estimate.f64", &estimate}}) {
     std::vector<double> poses;

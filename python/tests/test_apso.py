@@ -139,13 +139,16 @@ class SameAsCpp(unittest.TestCase):
             tracks = load(f"tracks{i}.f64", np.float64).reshape(-1, 6)
             descriptors = load(f"descriptors{i}.u8", np.uint8).reshape(-1, 32)
             t = R.number(f"frame{i}.timestamp")
+            # [pipeline]
             tracker.begin(t, I, D, keypoints, descriptors, tracks=tracks, depth_unit=UNIT)
             prior = tracker.estimate(moving)
             moving = pipeline.observe(t, I, D, prior.T, tracks=tracks, depth_unit=UNIT)
             pose = tracker.estimate(moving)
-            pipeline.assess(pose.T, T_predicted=pose.T_predicted, ok=pose.ok, keypoints=keypoints, tracks=tracks, information=pose.information)
+            pipeline.assess(pose.T, T_predicted=pose.T_predicted, ok=pose.ok, keypoints=keypoints, tracks=tracks,
+                            information=pose.information)
             report = pipeline.conclude()
             tracker.commit(report.T, moving, keyframe_allowed=report.keyframe_allowed)
+            # [/pipeline]
             self.assertEqual(report.state, R.values[f"frame{i}.reported"])
             self.assertEqual(pipeline.dynamic_ratio, R.number(f"frame{i}.dynamic_ratio"))
             self.same(pose.T, f"frame{i}.T_feature")
