@@ -17,7 +17,7 @@ cd "$source/python/tests"
 # What the stub declares is what there is.
 "$python" check_stub.py "$scratch/package/apso/__init__.pyi"
 if "$python" -c 'import mypy' 2>/dev/null; then
-  printf 'import numpy as np\nimport apso\nT = apso.align(*[np.zeros((48, 64), np.float32)] * 4, K=(50, 50, 32, 24)).T\n' > "$scratch/typed.py"
+  printf 'import numpy as np\nimport apso\nz = np.zeros((48, 64), np.float32)\nT = apso.align(z, z, z, z, (50, 50, 32, 24)).T\n' > "$scratch/typed.py"
   "$python" -m mypy --strict --cache-dir "$scratch/mypy" "$scratch/typed.py"
 fi
 # The example of the documentation, on two frames of a recording.
