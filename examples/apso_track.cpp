@@ -1,5 +1,5 @@
-// apso_track: the whole method on one sequence. Writes the trajectory, the scores of every frame, pictures, and the error if
-// there is ground truth.
+// apso_track: the whole method on one sequence. Writes the trajectory, the scores of every frame, pictures, the error if there
+// is ground truth, and a report.
 
 #include <cstdio>
 #include <filesystem>
@@ -20,6 +20,7 @@
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/version.hpp>
 
+#include "report/page.hpp"
 #include "track/arguments.hpp"
 #include "track/command_line.hpp"
 #include "track/config.hpp"
@@ -67,7 +68,7 @@ using Pipeline = apso::BasicPipeline<apso::Pose, apso::AnyMotionPolicy>;
 /// One run of the program: what it reads, what it computes with, what it writes.
 class Run {
  public:
-  explicit Run(const Arguments& a);
+  Run(const Arguments& a, std::string command);
   /// \return the exit code
   int execute();
 
@@ -78,6 +79,7 @@ class Run {
   void tell(const json& summary) const;
 
   Arguments a_;
+  std::string command_;
   track::Config options_;
   std::unique_ptr<track::FrameSource> source_;
   track::SyntheticSource* synthetic_ = nullptr;  ///< the source, if it is one
@@ -98,7 +100,7 @@ class Run {
   apso::Image<float> soft_;   ///< the mask, softened
 };
 
-Run::Run(const Arguments& a) : a_(a), options_(track::read_config(a.config)), progress_(!a.quiet) {
+Run::Run(const Arguments& a, std::string command) : a_(a), command_(std::move(command)), options_(track::read_config(a.config)), progress_(!a.quiet) {
   if (a_.motion == "none") options_.pipeline.motion = false;
   if (a_.no_refinement) options_.pipeline.refine = apso::RefinedFrames::None;
 
@@ -128,7 +130,7 @@ Run::Run(const Arguments& a) : a_(a), options_(track::read_config(a.config)), pr
   std::vector<track::Input> inputs = a_.inputs();
   for (const std::string& folder : source_->folders()) inputs.push_back({"images of the recording", folder});
   track::keep_apart(a_.output, inputs);
-  out_.emplace(a_.output, track::result_files());
+  out_.emplace(a_.output, track::result_files(a_.report));
   table_.emplace(out_->file("frames.csv").string());
   overlays_.emplace(*out_);
 }
@@ -182,9 +184,13 @@ void Run::process(int i) {
   record_.reports.push_back(report);
   record_.timings.push_back(ms);
   table_->write(i, source_->label(i), report, observation, features, tracker.keyframes(), tracker.landmarks(), ms);
-  overlays_->offer(i, total_, report, [&] {
-    return apso::opencv::draw_overlay(frame.bgr, observation, tracker.keypoints(), report);
-  });
+  cv::Mat overlay;
+  const auto draw = [&] {
+    if (overlay.empty()) overlay = apso::opencv::draw_overlay(frame.bgr, observation, tracker.keypoints(), report);
+    return overlay;
+  };
+  overlays_->offer(i, total_, report, draw);
+  if (a_.report) report::write_picture(*out_, i, draw(), frame.bgr.rows);
   if (a_.write_masks) {
     apso::opencv::mask_to_8bit(observation.mask, mask_out_);
     track::write_image(out_->file("masks/" + frame.name + ".png"), mask_out_);
@@ -211,6 +217,7 @@ void Run::write() {
 
   json summary = track::summarise(record_, total_, truth);
   summary["sequence"] = a_.sequence;
+  summary["command"] = command_;
   summary["motion"] = a_.motion;
   summary["options"] = track::yaml_to_json(apso::write_parameters(options_));
   summary["refine"] = summary["options"]["pipeline"]["refine"];
@@ -221,7 +228,9 @@ void Run::write() {
                          record_.feature_poses, record_.final_poses, a_.sequence);
   track::plot_scores(out_->file("scores.png"), record_.reports, a_.sequence);
   track::write_overview(*out_);
+  const fs::path page = a_.report && !record_.reports.empty() ? out_->file("report.html") : fs::path();
   track::write_json(out_->file("summary.json"), summary);  // last: a folder with it is complete
+  if (!page.empty()) report::write(page, {out_->unfinished()}, report::default_megabytes, fs::path(a_.output).lexically_normal().filename());
   out_->finish();
   tell(summary);
 }
@@ -252,7 +261,8 @@ void Run::tell(const json& summary) const {
   if (none_rated && track::stamp_problem(source_->timestamps()).empty()) {
     std::printf("no frame was rated: the recording ended within the initialisation (%zu frames)\n", frames);
   }
-  std::printf("results in %s: trajectory.txt, frames.csv, summary.json, overview.png, overlays/\n", a_.output.c_str());
+  std::printf("results in %s: trajectory.txt, frames.csv, summary.json, overview.png, overlays/%s\n", a_.output.c_str(),
+              a_.report ? ", report.html" : "");
 }
 
 int Run::execute() {
@@ -292,5 +302,5 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", APSO_VERSION);
   track::declare_options(app, a);
   track::note_stop_signals();
-  return track::run_main("apso_track", app, argc, argv, [&] { return Run(a).execute(); });
+  return track::run_main("apso_track", app, argc, argv, [&] { return Run(a, track::shell_command(argc, argv)).execute(); });
 }

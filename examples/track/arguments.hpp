@@ -34,6 +34,7 @@ struct Arguments {
   std::vector<std::string> movable;
   bool no_refinement = false;
   bool write_masks = false;
+  bool report = false;
   bool true_masks = false;
   bool quiet = false;
   int threads = 1;
@@ -116,6 +117,7 @@ inline void declare_options(CLI::App& app, Arguments& a) {
   app.add_option("--movable", a.movable, "names or numbers of the classes that can move (default: person, cat, dog)")->delimiter(',')->allow_extra_args(false);
   app.add_flag("--no-refinement", a.no_refinement, "keep the poses of the feature tracker: pipeline.refine none");
   app.add_flag("--write-masks", a.write_masks, "write masks/ (8-bit PNG, 255 = dynamic, named by the colour image's timestamp)");
+  app.add_flag("--report", a.report, "write report.html, the run as one page with every frame, and thumbnails/, the pictures in it");
   app.add_option("--threads", a.threads, "threads of the image operations")->check(CLI::Range(1, 256))->capture_default_str();
   app.add_option("--max-frames", a.max_frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);
   app.add_option("--spoil", a.spoil, "degrade two of every twenty frames, to test whether they are detected")

@@ -2,10 +2,14 @@
 /// What the command lines of all programs have in common: exit codes, messages, checks of values.
 #pragma once
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <exception>
+#include <filesystem>
 #include <string>
 
 #include <CLI/CLI.hpp>
@@ -42,6 +46,26 @@ int run_main(const char* name, CLI::App& app, int argc, char** argv, Body&& body
     if (code == 0) code = exit_bad_input;
   }
   return code;
+}
+
+/// A command line that a shell reads back. Of the program, only the name of the file.
+inline std::string shell_command(int argc, const char* const* argv) {
+  std::string line;
+  for (int i = 0; i < argc; ++i) {
+    const std::string word = i == 0 ? std::filesystem::path(argv[0]).filename().string() : argv[i];
+    const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
+      return std::isalnum(c) != 0 || std::strchr("_-+=./:,@%^", c) != nullptr;
+    });
+    if (i > 0) line += ' ';
+    if (plain) {
+      line += word;
+      continue;
+    }
+    line += '\'';
+    for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    line += '\'';
+  }
+  return line;
 }
 
 /// Accepts any text but an empty one, which as a path would be the current folder.

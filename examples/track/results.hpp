@@ -24,10 +24,12 @@
 
 namespace track {
 
-/// Files that apso_track may write, besides overlays/NNNNNN.png and masks/NAME.png.
-inline std::vector<std::string> result_files() {
-  return {"frames.csv",     "trajectory.txt", "trajectory_features.txt", "groundtruth.txt", "trajectory.png",
-          "scores.png",     "contact_sheet.png", "overview.png", "summary.json"};
+/// Files that apso_track may write, besides overlays/NNNNNN.png, masks/NAME.png and thumbnails/NNNNNN.jpg.
+inline std::vector<std::string> result_files(bool report = false) {
+  std::vector<std::string> names{"frames.csv", "trajectory.txt", "trajectory_features.txt", "groundtruth.txt", "trajectory.png",
+                                 "scores.png", "contact_sheet.png", "overview.png", "summary.json"};
+  if (report) names.emplace_back("report.html");
+  return names;
 }
 
 /// An input of a program: what the user calls it, and where it is. An empty path is no input.

@@ -29,6 +29,8 @@ struct RunFrame {
   double timestamp = 0;
   std::string state;
   std::string label;           ///< known difficulty; empty: none known
+  std::string refine_status;   ///< empty: not refined
+  std::string explanation;     ///< why the frame has its state
   std::vector<double> value;   ///< by column of the table; NaN if the field is empty or not a number
   bool lost = false;           ///< the feature tracker had no pose
   double rpe_1f = kNone;       ///< translational error of the motion since the frame before [m]
@@ -125,6 +127,9 @@ inline Run read_run(const std::string& folder, const std::string& groundtruth = 
       throw apso::io_error(table + ":" + std::to_string(number) + ": the state is '" + f.state + "', expected INITIALISING, GOOD, BAD or LOST");
     }
     f.label = fields[run.column["label"]];
+    const auto text = [&](const char* column) { return run.column.count(column) != 0 ? fields[run.column[column]] : std::string(); };
+    f.refine_status = text("refine_status");
+    f.explanation = text("explanation");
     f.lost = run.at(f, "feature_ok") == 0;
     run.frames.push_back(std::move(f));
   }

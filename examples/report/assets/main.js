@@ -1,0 +1,11 @@
+'use strict';
+makeResult();
+makeScrubber();
+makePaths();
+makeCharts();
+makeEvents();
+makeErrors();
+makeTimes();
+makeOptions();
+restyle();
+show(0);
