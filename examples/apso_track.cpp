@@ -12,7 +12,6 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 
-#include <apso/io/camera_yaml.hpp>
 #include <apso/io/detection_text.hpp>
 #include <apso/io/parameters.hpp>
 #include <apso/observation/soft_weights.hpp>
@@ -25,7 +24,7 @@
 #include "track/command_line.hpp"
 #include "track/config.hpp"
 #include "track/degraded_source.hpp"
-#include "track/frame_source.hpp"
+#include "track/open_source.hpp"
 #include "track/output.hpp"
 #include "track/pictures.hpp"
 #include "track/plots.hpp"
@@ -40,27 +39,6 @@ namespace {
 namespace fs = std::filesystem;
 using json = nlohmann::json;
 using track::Arguments;
-
-std::unique_ptr<track::FrameSource> open_source(const Arguments& a) {
-  if (a.synthetic()) {
-    apso::testing::SyntheticOptions options;
-    if (a.people >= 0) options.people = a.people;
-    if (a.max_frames > 0) options.frames = std::max(options.frames, a.max_frames);
-    options.seed = a.seed;
-    return std::make_unique<track::SyntheticSource>(a.sequence.substr(std::string(Arguments::prefix).size()), options);
-  }
-  if (a.camera.empty()) {
-    throw apso::io_error(
-        "--camera is needed for a recording: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim, or a YAML file (wrong "
-        "intrinsics or a wrong depth scale give a wrong trajectory silently, so there is no default)");
-  }
-  if (a.camera.find('.') != std::string::npos && fs::is_directory(a.camera)) throw apso::io_error(a.camera + ": is a folder, expected a YAML file");
-  // a folder of results may well be called bonn
-  const bool is_file = (fs::exists(a.camera) && !fs::is_directory(a.camera)) || a.camera.find('.') != std::string::npos;
-  const apso::opencv::CameraModel camera =
-      is_file ? apso::camera_from_yaml(a.camera) : apso::camera_by_name(a.camera);
-  return std::make_unique<track::RecordedSource>(a.sequence, camera);
-}
 
 /// The pipeline with a motion policy that is chosen at run time.
 using Pipeline = apso::BasicPipeline<apso::Pose, apso::AnyMotionPolicy>;
@@ -104,7 +82,7 @@ Run::Run(const Arguments& a, std::string command) : a_(a), command_(std::move(co
   if (a_.motion == "none") options_.pipeline.motion = false;
   if (a_.no_refinement) options_.pipeline.refine = apso::RefinedFrames::None;
 
-  source_ = open_source(a_);
+  source_ = track::open_source(a_);
   synthetic_ = dynamic_cast<track::SyntheticSource*>(source_.get());
   if (!a_.spoil.empty()) source_ = std::make_unique<track::DegradedSource>(std::move(source_), a_.spoil);
   total_ = a_.max_frames > 0 ? std::min(a_.max_frames, source_->size()) : source_->size();
@@ -189,7 +167,7 @@ void Run::process(int i) {
     if (overlay.empty()) overlay = apso::opencv::draw_overlay(frame.bgr, observation, tracker.keypoints(), report);
     return overlay;
   };
-  overlays_->offer(i, total_, report, draw);
+  overlays_->offer({i, total_, frame.timestamp - source_->timestamp(0), source_->label(i)}, report, draw);
   if (a_.report) report::write_picture(*out_, i, draw(), frame.bgr.rows);
   if (a_.write_masks) {
     apso::opencv::mask_to_8bit(observation.mask, mask_out_);
@@ -224,9 +202,12 @@ void Run::write() {
 
   overlays_->finish();
   const bool evaluated = summary.contains("final") && summary["final"].is_object();
-  track::plot_trajectory(out_->file("trajectory.png"), evaluated ? track::aligned_truth(truth, record_.final_poses) : apso::Trajectory{},
-                         record_.feature_poses, record_.final_poses, a_.sequence);
-  track::plot_scores(out_->file("scores.png"), record_.reports, a_.sequence);
+  const track::PlottedRun plotted = track::plotted_run(report::sequence_name(a_.sequence), record_.reports, evaluated ? truth : apso::Trajectory{},
+                                                       record_.feature_poses, record_.final_poses);
+  for (const char* format : {".png", ".svg"}) {
+    track::plot_trajectory(out_->file(std::string("trajectory") + format), plotted);
+    track::plot_scores(out_->file(std::string("scores") + format), plotted);
+  }
   track::write_overview(*out_);
   const fs::path page = a_.report && !record_.reports.empty() ? out_->file("report.html") : fs::path();
   track::write_json(out_->file("summary.json"), summary);  // last: a folder with it is complete

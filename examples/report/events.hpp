@@ -34,7 +34,7 @@ inline std::string state_event(const track::Run& run, std::size_t first, std::si
     }
   }
   text += ", " + std::to_string(repaired) + " with a refined pose";
-  for (const auto& [status, n] : failures) text += ", " + std::to_string(n) + " not refined (" + status + ")";
+  for (const auto& [status, n] : failures) text += ", " + std::to_string(n) + " not refined (" + (status == "Converged" ? "aligned, but not trusted" : status) + ")";
   return text;
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -17,29 +18,40 @@
 #include <apso/evaluation/ate.hpp>
 #include <apso/pipeline/report.hpp>
 
+#include "plots.hpp"
 #include "results.hpp"
 
 namespace track {
 
-/// Selects every n-th frame and the first frame of each BAD or LOST run, up to a maximum, and writes their pictures.
+/// A frame on offer for a picture.
+struct OfferedFrame {
+  int number = 0;
+  int total = 0;      ///< frames of the run
+  double time = 0;    ///< since the first frame [s]
+  std::string label;  ///< known difficulty; empty: none
+};
+
+/// Selects the frames that tell what happened: where a state, a known difficulty or the kind of scene changes, where a BAD frame
+/// is refined, and some at regular intervals. Writes their pictures.
 class OverlayChooser {
  public:
   explicit OverlayChooser(ResultFolder& folder) : folder_(&folder) {}
 
   template <class Draw>
-  void offer(int frame, int total, const apso::FrameReport& report, Draw&& draw) {
-    const int step = std::max(1, total / regular);
-    const bool problem = report.state == apso::SceneState::Bad || report.state == apso::SceneState::Lost;
-    const bool begins = problem && !was_problem_ && problems_ < max_problems;
-    was_problem_ = problem;
-    if (frame % step != step / 2 && !begins) return;
-    problems_ += begins ? 1 : 0;
+  void offer(const OfferedFrame& frame, const apso::FrameReport& report, Draw&& draw) {
+    const int step = std::max(1, frame.total / regular);
+    std::string why = changes(frame, report);
+    if (why.empty() && frame.number % step == step / 2) why = to_string(report.state);
+    if (why.empty()) return;
     const cv::Mat picture = draw();
-    char name[32];
-    std::snprintf(name, sizeof name, "%06d.png", frame);
-    write_image(folder_->file(std::string("overlays/") + name), picture);
+    char text[120];
+    std::snprintf(text, sizeof text, "overlays/%06d.png", frame.number);
+    write_image(folder_->file(text), picture);
+    std::snprintf(text, sizeof text, "frame %d, %.2f s: %s", frame.number, frame.time, why.c_str());
     cv::Mat small;
     cv::resize(picture, small, {std::max(1, picture.cols / 2), std::max(1, picture.rows / 2)}, 0, 0, cv::INTER_AREA);
+    cv::rectangle(small, {0, 0, small.cols, 17}, {30, 30, 30}, cv::FILLED);
+    cv::putText(small, text, {4, 12}, cv::FONT_HERSHEY_SIMPLEX, 0.4, {255, 255, 255}, 1, cv::LINE_AA);
     tiles_.push_back(small);
   }
 
@@ -62,12 +74,39 @@ class OverlayChooser {
   }
 
  private:
-  static constexpr int regular = 12;       // pictures at regular intervals
-  static constexpr int max_problems = 12;  // pictures of BAD or LOST runs
+  static constexpr int regular = 8;   // pictures at regular intervals
+  static constexpr int per_kind = 6;  // pictures of one kind of change
+  /// What changed with this frame; empty: nothing, or there are pictures enough of it.
+  std::string changes(const OfferedFrame& frame, const apso::FrameReport& report) {
+    const auto enough = [&](const std::string& kind) { return ++told_[kind] > per_kind; };
+    const apso::Assessment& a = report.assessment;
+    const std::string scene = a.scenario_dynamic ? "dynamic scene" : a.scenario_objects ? "objects in the scene" : a.scenario_static ? "static scene" : "mixed scene";
+    const bool repaired = report.state == apso::SceneState::Bad && report.refined;
+    std::string why;
+    if (report.state != state_) why = std::string(to_string(report.state)) + " begins";
+    if (repaired && !repaired_) why += std::string(why.empty() ? "BAD" : "") + ", refined";
+    if (!why.empty() && enough(why)) why.clear();
+    if (why.empty() && frame.label != label_ && !enough("label")) why = frame.label.empty() ? "end of " + label_ : frame.label + " begins";
+    // the kind of scene may flicker: not again within a tenth of the run
+    if (why.empty() && scene != scene_ && frame.number - scene_told_ >= frame.total / 10 && !enough("scene")) {
+      why = scene;
+      scene_told_ = frame.number;
+    }
+    state_ = report.state;
+    repaired_ = repaired;
+    label_ = frame.label;
+    scene_ = scene;
+    return why;
+  }
+
   ResultFolder* folder_;
   std::vector<cv::Mat> tiles_;
-  int problems_ = 0;
-  bool was_problem_ = false;
+  std::map<std::string, int> told_;  ///< pictures of each kind of change
+  apso::SceneState state_ = apso::SceneState::Initialising;
+  bool repaired_ = false;
+  std::string label_;
+  std::string scene_ = "mixed scene";
+  int scene_told_ = 0;
 };
 
 /// Trajectory, scores and contact sheet in one picture.
@@ -90,19 +129,27 @@ inline void write_overview(ResultFolder& folder) {
   write_image(folder.file("overview.png"), page);
 }
 
-/// Ground truth moved into the frame of the estimate, for plotting; empty if too few poses match.
-inline apso::Trajectory aligned_truth(const apso::Trajectory& truth, const apso::Trajectory& estimate) {
+/// What the plots show of a run. \param title name of the sequence \param truth empty: none that can be compared
+inline PlottedRun plotted_run(const std::string& title, const std::vector<apso::FrameReport>& reports, const apso::Trajectory& truth,
+                              const apso::Trajectory& features, const apso::Trajectory& final_poses) {
+  PlottedRun run{title, reports, features, final_poses, {}, {}, {}, 0};
   apso::AteOptions options;
   options.association = apso::AssociationRule::Evo;
-  const apso::AteResult ate = apso::ate(truth, estimate, options);
-  if (!succeeded(ate.status)) return {};
+  const auto errors = [&](const apso::Trajectory& estimate, std::vector<std::vector<double>>& rows) {
+    const apso::AteResult ate = truth.empty() || estimate.empty() ? apso::AteResult{} : apso::ate(truth, estimate, options);
+    for (std::size_t i = 0; i < ate.errors.size(); ++i) rows.push_back({estimate[ate.pairs[i].second].timestamp - run.start(), ate.errors[i]});
+    return ate;
+  };
+  errors(features, run.feature_error);
+  const apso::AteResult ate = errors(final_poses, run.error);
+  if (!succeeded(ate.status)) return run;
+  run.rmse = ate.statistics.rmse;
   const apso::Pose T_estimate_truth = apso::inverse(ate.T_groundtruth_estimate);
-  apso::Trajectory moved;
   for (const auto& p : truth) {
-    if (p.timestamp < estimate.front().timestamp || p.timestamp > estimate.back().timestamp) continue;
-    moved.push_back({p.timestamp, T_estimate_truth * p.T_world_body});
+    if (p.timestamp < final_poses.front().timestamp || p.timestamp > final_poses.back().timestamp) continue;
+    run.truth.push_back({p.timestamp, T_estimate_truth * p.T_world_body});
   }
-  return moved;
+  return run;
 }
 
 inline nlohmann::json yaml_to_json(const YAML::Node& node) {

@@ -1,116 +1,23 @@
 /// \file
-/// The two plots of a run, drawn by gnuplot from data written through a pipe.
+/// The two plots of a run, as PNG and as SVG.
 #pragma once
 
-#include <fcntl.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cctype>
 #include <cmath>
+#include <cstddef>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <memory>
 #include <string>
-#include <system_error>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Geometry>
 
 #include <apso/evaluation/trajectory.hpp>
-#include <apso/io/tum_text.hpp>
 #include <apso/pipeline/report.hpp>
 
+#include "gnuplot.hpp"
+
 namespace track {
-
-/// In single quotes for gnuplot. Control characters, which could end the line, become '?'.
-inline std::string quoted(const std::string& text) {
-  std::string s = "'";
-  for (char c : text) {
-    s += std::iscntrl(static_cast<unsigned char>(c)) != 0 ? '?' : c;
-    if (c == '\'') s += c;
-  }
-  return s + "'";
-}
-
-/// A picture that gnuplot draws from what is written to it through a pipe. Without gnuplot there is no picture.
-class Gnuplot {
- public:
-  /// \param file the picture, PNG
-  /// \param width, height [px]
-  Gnuplot(std::filesystem::path file, int width, int height, int font) : file_(std::move(file)) {
-    int ends[2];
-    if (::pipe2(ends, O_CLOEXEC) != 0) throw apso::io_error("gnuplot: no pipe to it can be made");
-    char program[] = "gnuplot";
-    char* arguments[] = {program, nullptr};
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, ends[0], STDIN_FILENO);
-    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, file_.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
-    posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-    if (::posix_spawnp(&child_, program, &actions, nullptr, arguments, environ) != 0) child_ = -1;
-    posix_spawn_file_actions_destroy(&actions);
-    ::close(ends[0]);
-    pipe_.reset(::fdopen(ends[1], "w"));
-    (*this)("set terminal pngcairo size " + std::to_string(width) + "," + std::to_string(height) + " font 'sans," + std::to_string(font) +
-            "' background rgb 'white'");
-  }
-  ~Gnuplot() { (void)wait(); }
-  Gnuplot(const Gnuplot&) = delete;
-  Gnuplot& operator=(const Gnuplot&) = delete;
-
-  void operator()(const std::string& text) const {
-    if (child_ > 0) std::fputs((text + "\n").c_str(), pipe_.get());
-  }
-  /// Waits for the picture. Throws io_error when it was drawn and cannot be written; tells when it was not drawn.
-  void finish() {
-    const bool installed = child_ > 0;
-    const int status = wait();
-    if (!installed || status != 0) {
-      std::fprintf(stderr, "warning: %s: not drawn, %s\n", file_.c_str(), installed ? "gnuplot failed" : "gnuplot cannot be started");
-      std::error_code ignored;
-      std::filesystem::remove(file_, ignored);
-      return;
-    }
-    std::ifstream picture(file_, std::ios::binary);
-    const std::string bytes{std::istreambuf_iterator<char>(picture), {}};
-    const bool whole = bytes.size() > 8 && bytes.compare(bytes.size() - 8, 4, "IEND") == 0;  // the last chunk of a PNG
-    if (!whole) throw apso::io_error(file_.string() + ": cannot write (disk full?)");
-  }
-  /// Inline data of a `plot '-'`: rows of numbers; a row with a NaN breaks the line.
-  void data(const std::vector<std::vector<double>>& rows) const {
-    for (const auto& row : rows) {
-      std::string line;
-      bool broken = false;
-      char number[32];
-      for (double v : row) {
-        broken = broken || !std::isfinite(v);
-        std::snprintf(number, sizeof number, "%.9g ", v);
-        line += number;
-      }
-      (*this)(broken ? "" : line);
-    }
-    (*this)("e");
-  }
-
- private:
-  int wait() {
-    pipe_.reset();
-    int status = 0;
-    if (child_ > 0) ::waitpid(child_, &status, 0);
-    child_ = -1;
-    return status;
-  }
-
-  std::filesystem::path file_;
-  pid_t child_ = -1;
-  std::unique_ptr<FILE, int (*)(FILE*)> pipe_{nullptr, &std::fclose};
-};
 
 /// The part of space that trajectories cover: the two axes along which they extend most, and a square around them.
 class BestView {
@@ -132,13 +39,16 @@ class BestView {
   }
   /// Ranges, labels and the same scale on both axes.
   void set(const Gnuplot& g) const {
-    const char* names[] = {"x", "y", "z"};
     char text[200];
-    std::snprintf(text, sizeof text, "set xlabel '%s [m]'; set ylabel '%s [m]'; set size ratio -1", names[across], names[up]);
+    std::snprintf(text, sizeof text, "set xlabel '%s [m]'; set ylabel '%s [m]'; set size ratio -1", axis(across), axis(up));
     g(text);
     std::snprintf(text, sizeof text, "set xrange [%.6g:%.6g]; set yrange [%.6g:%.6g]", centre[across] - half,
                   centre[across] + half, centre[up] - half, centre[up] + half);
     g(text);
+  }
+  static const char* axis(int i) {
+    constexpr const char* names[] = {"x", "y", "z"};
+    return names[i];
   }
   int across = 0;
   int up = 2;
@@ -146,101 +56,167 @@ class BestView {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
 };
 
-/// Trajectories in the plane of their largest extent, and over time.
-inline void plot_trajectory(const std::filesystem::path& file, const apso::Trajectory& truth, const apso::Trajectory& features,
-                            const apso::Trajectory& final_poses, const std::string& title) {
-  if (features.empty() && final_poses.empty()) return;
-  Gnuplot g(file, 900, 1000, 11);
-  g("set multiplot layout 2,1");
-  g("set title " + quoted(title) + " noenhanced");
-  g("set grid lc rgb '#dddddd'; set key outside right top");
-  const BestView view({&truth, &features, &final_poses});
-  const double t0 = final_poses.empty() ? 0 : final_poses.front().timestamp;
-  const auto rows = [&](const apso::Trajectory& t, bool over_time) {
-    std::vector<std::vector<double>> r;
-    for (const auto& p : t) {
-      const Eigen::Vector3d x = p.T_world_body.translation();
-      if (over_time) {
-        r.push_back({p.timestamp - t0, x.x(), x.y(), x.z()});
-      } else {
-        r.push_back({x[view.across], x[view.up]});
-      }
+/// What the plots of a run show.
+struct PlottedRun {
+  std::string title;                           ///< name of the sequence
+  const std::vector<apso::FrameReport>& reports;
+  const apso::Trajectory& features;
+  const apso::Trajectory& final_poses;
+  apso::Trajectory truth;                      ///< moved into the frame of the final poses; empty: not known
+  std::vector<std::vector<double>> error;      ///< rows of time since the first frame [s] and position error [m], of the final poses
+  std::vector<std::vector<double>> feature_error;  ///< of the features alone
+  double rmse = 0;                             ///< of the final poses [m]
+  [[nodiscard]] double start() const { return reports.empty() ? 0 : reports.front().timestamp; }
+  [[nodiscard]] double seconds() const { return reports.empty() ? 1 : std::max(1e-3, reports.back().timestamp - start()); }
+  /// "ATE rmse 0.0123 m, 540 pairs of 540 frames", or that there is none.
+  [[nodiscard]] std::string result() const {
+    if (truth.empty()) return "no ground truth that can be compared";
+    char text[100];
+    std::snprintf(text, sizeof text, "ATE rmse %.4f m, %zu pairs of %zu frames", rmse, error.size(), reports.size());
+    return text;
+  }
+};
+
+namespace detail {
+
+/// The same axis of time and the same width for all panels that follow; their keys stand beside them.
+inline void time_axis(const Gnuplot& g, const PlottedRun& run) {
+  char text[300];
+  std::snprintf(text, sizeof text,
+                "set lmargin at screen 0.09; set rmargin at screen 0.80; set size noratio; set xrange [0:%.6f]; "
+                "set key at screen 0.81, graph 1 left top Left reverse noenhanced samplen 2 font ',9'",
+                run.seconds());
+  g(text);
+}
+
+/// Bands behind the curves of a panel. \param top where they end
+inline const char* band_curves() {
+  return "'-' using 1:2 with filledcurves y1=0 fc rgb '#f6c9a4' title 'BAD', '-' using 1:2 with filledcurves y1=0 fc rgb '#d5bfe6' "
+         "title 'LOST', '-' using 1:2 with filledcurves y1=0 fc rgb '#dfe3e8' title 'initialising'";
+}
+inline void band_data(const Gnuplot& g, const PlottedRun& run, double top) {
+  for (const apso::SceneState s : {apso::SceneState::Bad, apso::SceneState::Lost, apso::SceneState::Initialising}) {
+    std::vector<std::vector<double>> rows;
+    for (std::size_t i = 0; i < run.reports.size(); ++i) {  // steps: a frame lasts until the next one
+      const double v = run.reports[i].state == s ? top : 0;
+      rows.push_back({run.reports[i].timestamp - run.start(), v});
+      if (i + 1 < run.reports.size()) rows.push_back({run.reports[i + 1].timestamp - run.start(), v});
     }
+    g.data(rows);
+  }
+}
+
+}  // namespace detail
+
+/// Trajectories in the plane of their largest extent, and over time.
+inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun& run) {
+  if (run.features.empty() && run.final_poses.empty()) return;
+  Gnuplot g(file, 900, 1000, 11);
+  const BestView view({&run.truth, &run.features, &run.final_poses});
+  g("set multiplot layout 2,1");
+  g("set title " + quoted(run.title + ": the plane of largest extent, " + view.axis(view.across) + " and " + view.axis(view.up) + "\n" + run.result()) +
+    " noenhanced");
+  g("set grid lc rgb '#dddddd'; set key outside right top");
+  const bool known = !run.truth.empty();
+  using Rows = std::vector<std::vector<double>>;
+  const auto in_plane = [&](const apso::Pose& pose) {
+    return std::vector<double>{pose.translation()[view.across], pose.translation()[view.up]};
+  };
+  const auto path = [&](const apso::Trajectory& t) {
+    Rows r;
+    for (const auto& p : t) r.push_back(in_plane(p.T_world_body));
     return r;
   };
-  std::string curves;
-  const auto add = [&](const char* c) { curves += (curves.empty() ? "" : ", ") + std::string(c); };
-  if (!truth.empty()) add("'-' using 1:2 with lines lw 3 lc rgb '#999999' title 'ground truth'");
-  add("'-' using 1:2 with lines lw 1.5 lc rgb '#d95f02' title 'features only'");
-  add("'-' using 1:2 with lines lw 1.5 lc rgb '#1b6ca8' title 'final'");
+  Rows bad;
+  for (const apso::FrameReport& f : run.reports) {
+    if (f.state == apso::SceneState::Bad) bad.push_back(in_plane(f.T_world_camera));
+  }
   view.set(g);
-  g("plot " + curves);
-  if (!truth.empty()) g.data(rows(truth, false));
-  g.data(rows(features, false));
-  g.data(rows(final_poses, false));
-  g("unset title; set autoscale; set size noratio; set xlabel 'time [s]'; set ylabel 'position [m]'");
-  curves.clear();
-  if (!truth.empty()) {
-    add("'-' using 1:2 with lines lw 3 lc rgb '#bbbbbb' title 'truth x, y, z'");
-    add("'-' using 1:3 with lines lw 3 lc rgb '#bbbbbb' notitle");
-    add("'-' using 1:4 with lines lw 3 lc rgb '#bbbbbb' notitle");
+  std::string curves = known ? "'-' using 1:2 with lines lw 4 lc rgb '#b5bbc2' title 'ground truth', " : "";
+  curves += "'-' using 1:2 with lines lw 1.2 lc rgb '#d55e00' title 'features only', "
+            "'-' using 1:2 with lines lw 1.8 lc rgb '#0072b2' title 'final', "
+            "'-' using 1:2 with points pt 2 ps 0.7 lc rgb '#000000' title 'BAD'";
+  if (!run.final_poses.empty()) {
+    curves += ", '-' using 1:2 with points pt 6 ps 1.6 lw 2 lc rgb '#009e73' title 'start', "
+              "'-' using 1:2 with points pt 5 ps 1.3 lc rgb '#009e73' title 'end'";
   }
-  add("'-' using 1:2 with lines lw 1.5 lc rgb '#1b6ca8' title 'final x'");
-  add("'-' using 1:3 with lines lw 1.5 lc rgb '#1b9e77' title 'final y'");
-  add("'-' using 1:4 with lines lw 1.5 lc rgb '#7570b3' title 'final z'");
   g("plot " + curves);
-  if (!truth.empty()) {
-    for (int i = 0; i < 3; ++i) g.data(rows(truth, true));
+  if (known) g.data(path(run.truth));
+  g.data(path(run.features));
+  g.data(path(run.final_poses));
+  g.data(bad);
+  if (!run.final_poses.empty()) {
+    g.data({in_plane(run.final_poses.front().T_world_body)});
+    g.data({in_plane(run.final_poses.back().T_world_body)});
   }
-  for (int i = 0; i < 3; ++i) g.data(rows(final_poses, true));
+  g("unset title; set autoscale; set xlabel 'time [s]'; set ylabel 'position [m]'");
+  detail::time_axis(g, run);
+  const auto over_time = [&](const apso::Trajectory& t, int k) {
+    Rows r;
+    for (const auto& p : t) r.push_back({p.timestamp - run.start(), p.T_world_body.translation()[k]});
+    return r;
+  };
+  g(std::string("plot ") + (known ? "'-' using 1:2 with lines lw 4 lc rgb '#c9ced4' title 'truth x, y, z', '-' using 1:2 with lines lw 4 lc rgb '#c9ced4' "
+                                    "notitle, '-' using 1:2 with lines lw 4 lc rgb '#c9ced4' notitle, " : "") +
+    "'-' using 1:2 with lines lw 1.5 lc rgb '#0072b2' title 'final x', '-' using 1:2 with lines lw 1.5 dt 2 lc rgb '#009e73' title 'final y', "
+    "'-' using 1:2 with lines lw 1.5 dt 4 lc rgb '#b0558a' title 'final z'");
+  for (int k = 0; known && k < 3; ++k) g.data(over_time(run.truth, k));
+  for (int k = 0; k < 3; ++k) g.data(over_time(run.final_poses, k));
   g("unset multiplot");
   g.finish();
 }
 
-/// Scores and the verdict over time.
-inline void plot_scores(const std::filesystem::path& file, const std::vector<apso::FrameReport>& reports, const std::string& title) {
-  if (reports.empty()) return;
-  Gnuplot g(file, 1100, 760, 11);
-  g("set multiplot layout 3,1 title " + quoted(title) + " noenhanced");
-  g("set grid lc rgb '#dddddd'; set key outside right top noenhanced; set yrange [0:1.02]; set ylabel 'score'");
-  const double t0 = reports.front().timestamp;
+/// Error, verdict and scores over time.
+inline void plot_scores(const std::filesystem::path& file, const PlottedRun& run) {
+  if (run.reports.empty()) return;
+  const bool known = !run.truth.empty();
+  Gnuplot g(file, 1100, known ? 1000 : 760, 11);
+  g(std::string("set multiplot layout ") + (known ? "4" : "3") + ",1 title " + quoted(run.title + ": " + run.result()) + " noenhanced");
+  g("set grid lc rgb '#dddddd'");
+  detail::time_axis(g, run);
   const double nan = std::nan("");
   const auto column = [&](auto&& value) {
     std::vector<std::vector<double>> r;
-    for (const auto& f : reports) r.push_back({f.timestamp - t0, value(f)});
+    for (const auto& f : run.reports) r.push_back({f.timestamp - run.start(), value(f)});
     return r;
   };
   const auto of = [nan](const auto& maybe) { return maybe ? maybe->value() : nan; };
-  const auto shade = [&](apso::SceneState s) { return column([=](const auto& f) { return f.state == s ? 1.02 : 0.0; }); };
-  g("plot '-' using 1:2 with filledcurves y1=0 fc rgb '#fbd0d0' title 'BAD', '-' using 1:2 with filledcurves y1=0 fc rgb '#e6d0fb' title 'LOST', "
-    "'-' using 1:2 with filledcurves y1=0 fc rgb '#d8ecf8' title 'initialising', "
-    "'-' using 1:2 with lines lw 2 lc rgb '#1b6ca8' title 'S_final', '-' using 1:2 with lines dt 2 lc rgb '#000000' title 'th_differ'");
-  g.data(shade(apso::SceneState::Bad));
-  g.data(shade(apso::SceneState::Lost));
-  g.data(shade(apso::SceneState::Initialising));
+  const std::string bands = std::string("plot ") + detail::band_curves();
+  if (known) {
+    double top = 1e-6;
+    for (const auto& row : run.error) top = std::max(top, row[1]);
+    for (const auto& row : run.feature_error) top = std::max(top, row[1]);
+    char range[80];
+    std::snprintf(range, sizeof range, "set ylabel 'position error [m]'; set yrange [0:%.6g]", 1.05 * top);
+    g(range);
+    g(bands + ", '-' using 1:2 with lines lw 1.2 lc rgb '#d55e00' title 'features only', '-' using 1:2 with lines lw 1.8 lc rgb '#0072b2' title 'final'");
+    detail::band_data(g, run, 1.05 * top);
+    g.data(run.feature_error);
+    g.data(run.error);
+  }
+  g("set yrange [0:1.02]; set ylabel 'S_final' noenhanced");
+  g(bands + ", '-' using 1:2 with lines lw 2 lc rgb '#0072b2' title 'S_final', '-' using 1:2 with lines dt 2 lc rgb '#000000' title 'th_differ'");
+  detail::band_data(g, run, 1.02);
   g.data(column([&](const auto& f) { return of(f.assessment.S_final); }));
-  g.data(column([](const auto& f) { return f.assessment.th_differ; }));
-  const auto line = [](const std::string& name, const char* style) { return "'-' using 1:2 with lines" + std::string(style) + " title '" + name + "'"; };
+  g.data(column([&](const auto& f) { return f.state == apso::SceneState::Initialising ? nan : f.assessment.th_differ; }));
+  const auto line = [](const std::string& name, const std::string& style) { return "'-' using 1:2 with lines " + style + " title '" + name + "'"; };
+  const char* colours[] = {"#0072b2", "#d55e00", "#009e73", "#b0558a", "#b87f00", "#2c8fc9"};
+  const auto scores = [&](const std::string& first, const auto& first_value, const std::vector<std::string>& names, bool ratio) {
+    std::string plot = "plot " + line(first, "lw 2 lc rgb '#000000'");
+    for (std::size_t i = 0; i < names.size(); ++i) plot += ", " + line(names[i], std::string("lc rgb '") + colours[i % 6] + "'");
+    if (ratio) plot += ", " + line("dynamic ratio", "lw 2 dt 2 lc rgb '#b87f00'");
+    g(plot);
+    g.data(column(first_value));
+    for (const std::string& name : names) g.data(column([&](const auto& f) { return f.assessment.get(name).value_or(nan); }));
+    if (ratio) g.data(column([](const auto& f) { return f.assessment.dynamic_ratio; }));
+  };
   std::vector<std::string> of_frame, of_change;
   apso::for_each_frame_score(apso::Assessment{}, [&](const char* name, auto&&...) { of_frame.emplace_back(name); });
   apso::for_each_change_score(apso::Assessment{}, [&](const char* name, auto&&...) { of_change.emplace_back(name); });
-  const auto score_lines = [&](const std::vector<std::string>& names) {
-    for (const std::string& name : names) {
-      g.data(column([&](const auto& f) { return f.assessment.get(name).value_or(nan); }));
-    }
-  };
-  std::string plot = "plot " + line("S_total", " lw 2 lc rgb '#000000'");
-  for (const std::string& name : of_frame) plot += ", " + line(name, "");
-  g(plot);
-  g.data(column([](const auto& f) { return f.assessment.S_total.value(); }));
-  score_lines(of_frame);
-  g("set xlabel 'time [s]'; set ylabel 'deviation'");
-  plot = "plot " + line("S_change", " lw 2 lc rgb '#000000'");
-  for (const std::string& name : of_change) plot += ", " + line(name, "");
-  g(plot + ", " + line("dynamic ratio", " lw 2 lc rgb '#e41a1c'"));
-  g.data(column([&](const auto& f) { return of(f.assessment.S_change); }));
-  score_lines(of_change);
-  g.data(column([](const auto& f) { return f.assessment.dynamic_ratio; }));
+  g("set ylabel 'score, 1 is best'");
+  scores("S_total", [](const auto& f) { return f.assessment.S_total.value(); }, of_frame, false);
+  g("set xlabel 'time [s]'; set ylabel 'deviation, 0 is best'");
+  scores("S_change", [&](const auto& f) { return of(f.assessment.S_change); }, of_change, true);
   g("unset multiplot");
   g.finish();
 }

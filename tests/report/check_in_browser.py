@@ -122,8 +122,8 @@ def main(track, report):
     with tempfile.TemporaryDirectory() as folder:
         at = lambda name: os.path.join(folder, name)
         sequence = ("synthetic:walking_xyz", "--seed", "104")
-        run(track, *sequence, "--max-frames", "44", "--spoil", "blank", "--quiet", "--report", "--output", at("small"))
-        run(track, *sequence, "--max-frames", "44", "--spoil", "blank", "--quiet", "--no-refinement", "--report", "--output", at("plain"))
+        run(track, *sequence, "--max-frames", "60", "--spoil", "blank", "--quiet", "--report", "--output", at("small"))
+        run(track, *sequence, "--max-frames", "60", "--spoil", "blank", "--quiet", "--no-refinement", "--report", "--output", at("plain"))
         repeat(at("small"), at("large"), FRAMES)
         run(report, at("large"), "--output", at("large.html"))
         run(report, at("small"), at("plain"), "--output", at("both.html"))

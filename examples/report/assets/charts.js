@@ -32,7 +32,7 @@ function addChart(parent, title, run, time, series, end, begin = 0) {
     height: 190,
     cursor: {sync: {key: 'time'}, drag: {x: true, y: false}, points: {size: 5}},
     scales: {x: {time: false, range: (_, a, b) => (a === null || b <= a ? [0, lastTime] : [a, b])}, y: {distr: begin > 0 ? 3 : 1, range: () => [begin, end]}},
-    axes: [axis(), {...axis(), size: 54, values: (_, list) => list.map(short), splits: begin > 0 ? () => powers(begin, end) : undefined}],
+    axes: [axis(), {...axis(), size: 60, values: (_, list) => list.map(short), splits: begin > 0 ? () => powers(begin, end) : undefined}],
     series: [{label: 'time [s]', value: (_, v) => fixed(v, 2)}, ...series.map((s) => ({
       label: s.label, stroke: stroke(s), width: s.width || 1.5, dash: s.dash, points: {show: false},
       fill: s.fill ? () => stroke(s)() + '55' : undefined,

@@ -130,7 +130,7 @@ function polyline(c, points, project) {
   c.stroke();
 }
 
-function drawRun(c, run, project) {
+function drawRun(c, run, project, width) {
   c.lineJoin = 'round';
   c.strokeStyle = colour('truth');
   c.lineWidth = 4;
@@ -185,15 +185,19 @@ function drawRun(c, run, project) {
   if (ends.length === 0) return;
   c.strokeStyle = c.fillStyle = colour('text');
   c.font = 'bold 11px system-ui, sans-serif';
-  c.textAlign = 'left';
+  const name = (text, x, y) => {
+    const right = x > width - 45;
+    c.textAlign = right ? 'right' : 'left';
+    c.fillText(text, right ? x - 7 : x + 7, y);
+  };
   const [x0, y0] = project(ends[0]);
   const [x1, y1] = project(ends[ends.length - 1]);
   c.beginPath();
   c.arc(x0, y0, 4, 0, 7);
   c.stroke();
-  c.fillText('start', x0 + 7, y0 - 5);
+  name('start', x0, y0 - 5);
   c.fillRect(x1 - 3.5, y1 - 3.5, 7, 7);
-  c.fillText('end', x1 + 7, y1 + 11);
+  name('end', x1, y1 + 11);
 }
 
 /// One canvas. Its lines are drawn once into a picture; when the frame changes, only the mark of the frame moves.
@@ -209,7 +213,7 @@ function addView(parent, run, title, projection) {
     view.project = project;
     const c = context(picture, width, height);
     axes(c);
-    drawRun(c, run, project);
+    drawRun(c, run, project, width);
     context(canvas, width, height);
     view.mark();
   };

@@ -1,0 +1,41 @@
+/// \file
+/// From the command line to a recording, on disk or synthetic.
+#pragma once
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include <apso/io/camera_yaml.hpp>
+#include <apso/io/tum_text.hpp>
+#include <apso/testing/synthetic.hpp>
+
+#include "arguments.hpp"
+#include "frame_source.hpp"
+
+namespace track {
+
+/// The recording that the command line names.
+inline std::unique_ptr<FrameSource> open_source(const Arguments& a) {
+  if (a.synthetic()) {
+    apso::testing::SyntheticOptions options;
+    if (a.people >= 0) options.people = a.people;
+    if (a.max_frames > 0) options.frames = std::max(options.frames, a.max_frames);
+    options.seed = a.seed;
+    return std::make_unique<SyntheticSource>(a.sequence.substr(std::string(Arguments::prefix).size()), options);
+  }
+  if (a.camera.empty()) {
+    throw apso::io_error(
+        "--camera is needed for a recording: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim, or a YAML file (wrong "
+        "intrinsics or a wrong depth scale give a wrong trajectory silently, so there is no default)");
+  }
+  if (a.camera.find('.') != std::string::npos && std::filesystem::is_directory(a.camera)) throw apso::io_error(a.camera + ": is a folder, expected a YAML file");
+  // a folder of results may well be called bonn
+  const bool is_file = (std::filesystem::exists(a.camera) && !std::filesystem::is_directory(a.camera)) || a.camera.find('.') != std::string::npos;
+  const apso::opencv::CameraModel camera =
+      is_file ? apso::camera_from_yaml(a.camera) : apso::camera_by_name(a.camera);
+  return std::make_unique<RecordedSource>(a.sequence, camera);
+}
+
+}  // namespace track
