@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -74,8 +75,8 @@ class OverlayChooser {
   }
 
  private:
-  static constexpr int regular = 8;   // pictures at regular intervals
-  static constexpr int per_kind = 6;  // pictures of one kind of change
+  static constexpr int regular = 6;   // pictures at regular intervals
+  static constexpr int per_kind = 3;  // pictures of one kind of change
   /// What changed with this frame; empty: nothing, or there are pictures enough of it.
   std::string changes(const OfferedFrame& frame, const apso::FrameReport& report) {
     const auto enough = [&](const std::string& kind) { return ++told_[kind] > per_kind; };
@@ -132,18 +133,24 @@ inline void write_overview(ResultFolder& folder) {
 /// What the plots show of a run. \param title name of the sequence \param truth empty: none that can be compared
 inline PlottedRun plotted_run(const std::string& title, const std::vector<apso::FrameReport>& reports, const apso::Trajectory& truth,
                               const apso::Trajectory& features, const apso::Trajectory& final_poses) {
-  PlottedRun run{title, reports, features, final_poses, {}, {}, {}, 0};
+  PlottedRun run{title, reports, features, final_poses, {}, {}, {}, 0, 0};
   apso::AteOptions options;
   options.association = apso::AssociationRule::Evo;
   const auto errors = [&](const apso::Trajectory& estimate, std::vector<std::vector<double>>& rows) {
     const apso::AteResult ate = truth.empty() || estimate.empty() ? apso::AteResult{} : apso::ate(truth, estimate, options);
-    for (std::size_t i = 0; i < ate.errors.size(); ++i) rows.push_back({estimate[ate.pairs[i].second].timestamp - run.start(), ate.errors[i]});
+    for (std::size_t i = 0; i < ate.errors.size(); ++i) {
+      const double time = estimate[ate.pairs[i].second].timestamp - run.start();
+      // a gap of more than some frames is no line
+      if (i > 0 && time - rows.back()[0] > 5 * run.seconds() / static_cast<double>(reports.size())) rows.push_back({time, std::nan("")});
+      rows.push_back({time, ate.errors[i]});
+    }
     return ate;
   };
   errors(features, run.feature_error);
   const apso::AteResult ate = errors(final_poses, run.error);
   if (!succeeded(ate.status)) return run;
   run.rmse = ate.statistics.rmse;
+  run.pairs = ate.errors.size();
   const apso::Pose T_estimate_truth = apso::inverse(ate.T_groundtruth_estimate);
   for (const auto& p : truth) {
     if (p.timestamp < final_poses.front().timestamp || p.timestamp > final_poses.back().timestamp) continue;

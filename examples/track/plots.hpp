@@ -66,13 +66,14 @@ struct PlottedRun {
   std::vector<std::vector<double>> error;      ///< rows of time since the first frame [s] and position error [m], of the final poses
   std::vector<std::vector<double>> feature_error;  ///< of the features alone
   double rmse = 0;                             ///< of the final poses [m]
+  std::size_t pairs = 0;                       ///< poses that rmse is of
   [[nodiscard]] double start() const { return reports.empty() ? 0 : reports.front().timestamp; }
   [[nodiscard]] double seconds() const { return reports.empty() ? 1 : std::max(1e-3, reports.back().timestamp - start()); }
   /// "ATE rmse 0.0123 m, 540 pairs of 540 frames", or that there is none.
   [[nodiscard]] std::string result() const {
     if (truth.empty()) return "no ground truth that can be compared";
     char text[100];
-    std::snprintf(text, sizeof text, "ATE rmse %.4f m, %zu pairs of %zu frames", rmse, error.size(), reports.size());
+    std::snprintf(text, sizeof text, "ATE rmse %.4f m, %zu pairs of %zu frames", rmse, pairs, reports.size());
     return text;
   }
 };
@@ -114,7 +115,7 @@ inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun&
   Gnuplot g(file, 900, 1000, 11);
   const BestView view({&run.truth, &run.features, &run.final_poses});
   g("set multiplot layout 2,1");
-  g("set title " + quoted(run.title + ": the plane of largest extent, " + view.axis(view.across) + " and " + view.axis(view.up) + "\n" + run.result()) +
+  g("set title " + quoted(run.title + ": " + view.axis(view.across) + " and " + view.axis(view.up) + ", the plane of largest extent; " + run.result()) +
     " noenhanced");
   g("set grid lc rgb '#dddddd'; set key outside right top");
   const bool known = !run.truth.empty();
@@ -184,8 +185,8 @@ inline void plot_scores(const std::filesystem::path& file, const PlottedRun& run
   const std::string bands = std::string("plot ") + detail::band_curves();
   if (known) {
     double top = 1e-6;
-    for (const auto& row : run.error) top = std::max(top, row[1]);
-    for (const auto& row : run.feature_error) top = std::max(top, row[1]);
+    for (const auto& row : run.error) top = std::fmax(top, row[1]);
+    for (const auto& row : run.feature_error) top = std::fmax(top, row[1]);
     char range[80];
     std::snprintf(range, sizeof range, "set ylabel 'position error [m]'; set yrange [0:%.6g]", 1.05 * top);
     g(range);

@@ -148,7 +148,7 @@ function drawRun(c, run, project, width) {
       const gap = before.row !== row - 1;  // LOST in between
       const e = run.error[row];
       c.setLineDash(gap ? [3, 4] : []);
-      c.strokeStyle = gap ? colour('lost') : isNumber(e) ? scale[Math.min(63, Math.floor(64 * e / errorEnd))] : colour('s0');
+      c.strokeStyle = gap ? colour('lost') : isNumber(e) ? scale[Math.min(63, Math.floor(64 * e / errorEnd))] : colour('unknown');
       c.beginPath();
       c.moveTo(...before.here);
       c.lineTo(...here);
@@ -285,7 +285,7 @@ function makePaths() {
   const side = axisNames[space.long] + '\u2013' + axisNames[space.flat];
   here.append(element('div', {class: 'key'},
     anyError ? element('span', {}, 'error 0 ', element('i', {class: 'errors'}), metres(errorEnd) + ' and more') : null,
-    anyError ? element('span', {}, 'wide grey line: ground truth') : element('span', {}, 'no ground truth: the colour tells nothing'),
+    anyError ? element('span', {}, 'wide grey line: ground truth; bright blue: error not known') : element('span', {}, 'no ground truth: the colour tells nothing'),
     element('span', {}, '\u2715 BAD'), element('span', {}, '\u25C7 LOST from here, dashed until found again'), element('span', {}, '\u25CF the frame above')));
   runs.forEach((run, r) => {
     if (several) here.append(element('h3', {}, runName(r)));

@@ -26,6 +26,13 @@ function makeResult() {
       here.append(element('p', {class: 'warning'}, runName(r) + ': the errors are not known: ' + run.summary.evaluation_problem));
     }
   });
+  runs.forEach((run, r) => {
+    const pairs = at(run.summary, 'final', 'pairs');
+    const poses = at(run.summary, 'frames', 'in_sequence');
+    if (isNumber(pairs) && pairs < 0.9 * poses) {
+      here.append(element('p', {class: 'warning'}, runName(r) + ': the ATE is that of ' + pairs + ' of ' + poses + ' frames; the others have no pose or no ground truth.'));
+    }
+  });
   const lines = [
     ['sequence', (run) => run.sequence],
     ['ATE rmse, final poses', (run) => metres(at(run.summary, 'final', 'ate', 'rmse')), true],
