@@ -135,7 +135,6 @@ inline PlottedRun plotted_run(const std::string& title, const std::vector<apso::
                               const apso::Trajectory& features, const apso::Trajectory& final_poses) {
   PlottedRun run{title, reports, features, final_poses, {}, {}, {}, 0, 0};
   apso::AteOptions options;
-  options.association = apso::AssociationRule::Evo;
   const auto errors = [&](const apso::Trajectory& estimate, std::vector<std::vector<double>>& rows) {
     const apso::AteResult ate = truth.empty() || estimate.empty() ? apso::AteResult{} : apso::ate(truth, estimate, options);
     for (std::size_t i = 0; i < ate.errors.size(); ++i) {

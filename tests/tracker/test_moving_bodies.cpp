@@ -12,6 +12,7 @@ using namespace apso;
 
 namespace {
 const Pinhole kCamera{525, 525, 319.5, 239.5, 640, 480};
+const Eigen::Vector3d kWalk(0.014, 0, 0);  // of the body between the frames [m]
 
 struct Tracks {
   std::vector<PointObservation> all;
@@ -70,7 +71,7 @@ TEST_CASE("a body before a wall drags the pose of single tracks along, and not t
   int dragged = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     CAPTURE(seed);
-    Tracks tracks = look(seed, truth, {0.03, 0, 0});
+    Tracks tracks = look(seed, truth, kWalk);
     const std::size_t all = tracks.all.size();
     const Pose first = by_single_tracks(tracks.all);
     dragged += error_mm(first, truth) > 10 ? 1 : 0;
