@@ -1,44 +1,37 @@
 // Detections as text: what is read, and what is refused with file and line.
 #include <doctest/doctest.h>
 
-#include <unistd.h>
-
-#include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <vector>
 
 #include <apso/io/detection_text.hpp>
 
+#include "temporary_file.hpp"
+
 using namespace apso;
 
 namespace {
-struct File {
-  std::string path = (std::filesystem::temp_directory_path() / ("apso_detections_" + std::to_string(::getpid()) + ".txt")).string();
-  explicit File(const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
-  ~File() { std::remove(path.c_str()); }
-};
 // What is wrong with a log, or nothing. The message must begin with the file.
 std::string log_error(const std::string& text) {
-  const File file(text);
+  const TemporaryFile file(text);
   try {
-    DetectionLog log(file.path, 640, 480);
+    DetectionLog log(file.path(), 640, 480);
   } catch (const io_error& e) {
     const std::string message = e.what();
-    REQUIRE(message.compare(0, file.path.size(), file.path) == 0);
-    return message.substr(file.path.size());
+    REQUIRE(message.compare(0, file.path().size(), file.path()) == 0);
+    return message.substr(file.path().size());
   }
   return {};
 }
 std::string image_error(const std::string& text) {
-  const File file(text);
+  const TemporaryFile file(text);
   try {
-    (void)read_detections(file.path, 640, 480);
+    (void)read_detections(file.path(), 640, 480);
   } catch (const io_error& e) {
     const std::string message = e.what();
-    REQUIRE(message.compare(0, file.path.size(), file.path) == 0);
-    return message.substr(file.path.size());
+    REQUIRE(message.compare(0, file.path().size(), file.path()) == 0);
+    return message.substr(file.path().size());
   }
   return {};
 }
@@ -50,8 +43,8 @@ TEST_CASE("a log of detections with commas, tabs, a byte order mark and line end
   for (const std::string& text : {std::string("10.5 1 2 30 40 0.5 15\n"), std::string("\xEF\xBB\xBF" "10.5 1 2 30 40 0.5 15\n"),
                                   std::string("10.5,1,2,30,40,0.5,15\n"), std::string("10.5, 1, 2, 30, 40, 0.5, 15\r\n"),
                                   std::string("# head\n\n\t10.5\t1\t2\t30\t40\t0.5\tcat\n")}) {
-    const File file(text);
-    DetectionLog log(file.path, 640, 480);
+    const TemporaryFile file(text);
+    DetectionLog log(file.path(), 640, 480);
     REQUIRE(log.at(10.5).size() == 1);
     const Detection& d = log.at(10.5)[0];
     CHECK(d.box.x == 1);
@@ -60,9 +53,9 @@ TEST_CASE("a log of detections with commas, tabs, a byte order mark and line end
     CHECK(d.class_id == 15);
     CHECK(d.movable);
   }
-  const File yolo("\xEF\xBB\xBF" "0,0.5,0.5,0.25,0.5,0.875\r\n");
-  REQUIRE(read_detections(yolo.path, 640, 480).size() == 1);
-  CHECK(read_detections(yolo.path, 640, 480)[0].box.width == 160);
+  const TemporaryFile yolo("\xEF\xBB\xBF" "0,0.5,0.5,0.25,0.5,0.875\r\n");
+  REQUIRE(read_detections(yolo.path(), 640, 480).size() == 1);
+  CHECK(read_detections(yolo.path(), 640, 480)[0].box.width == 160);
 }
 
 TEST_CASE("a line of a log that is not what it should be is refused with file, line and field") {

@@ -1,38 +1,20 @@
-#include <cstdio>
-#include <fstream>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <unistd.h>
 
 #include <doctest/doctest.h>
 
 #include <apso/io/trajectory_file.hpp>
 
+#include "temporary_file.hpp"
+
 namespace {
 using apso::TrajectoryFormat;
 
-/// A file that is gone at the end of the test.
-class File {
- public:
-  explicit File(const std::string& content) {
-    static int count = 0;
-    path_ = "/tmp/apso_trajectory_file_" + std::to_string(getpid()) + "_" + std::to_string(count++) + ".txt";
-    std::ofstream(path_, std::ios::binary) << content;
-  }
-  ~File() { std::remove(path_.c_str()); }
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-TrajectoryFormat detected(const std::string& content) { return apso::detect_trajectory_format(File(content).path()); }
+TrajectoryFormat detected(const std::string& content) { return apso::detect_trajectory_format(TemporaryFile(content).path()); }
 /// The message that reading fails with, without the path in front.
 std::string failure(const std::string& content, std::optional<TrajectoryFormat> format = {}, const std::string& times = {}) {
-  const File f(content);
+  const TemporaryFile f(content);
   try {
     (void)apso::read_trajectory_file(f.path(), format, times);
   } catch (const apso::io_error& e) {
@@ -65,12 +47,12 @@ TEST_CASE("formats are told apart by fields, commas, size of the stamps and head
 
 TEST_CASE("one pose in all formats") {
   const std::string s = "0.70710678118654752";
-  const File tum("1.5 1 2 3 0 0 " + s + " " + s + "\n");
-  const File ns("1500000000000000000 1 2 3 0 0 " + s + " " + s + "\n");
-  const File euroc("#t\n1500000000000000000,1,2,3," + s + ",0,0," + s + ",9,9,9\n");
-  const File kitti(kKitti);
+  const TemporaryFile tum("1.5 1 2 3 0 0 " + s + " " + s + "\n");
+  const TemporaryFile ns("1500000000000000000 1 2 3 0 0 " + s + " " + s + "\n");
+  const TemporaryFile euroc("#t\n1500000000000000000,1,2,3," + s + ",0,0," + s + ",9,9,9\n");
+  const TemporaryFile kitti(kKitti);
   const apso::TrajectoryFile a = apso::read_trajectory_file(tum.path());
-  for (const File* f : {&ns, &euroc, &kitti}) {
+  for (const TemporaryFile* f : {&ns, &euroc, &kitti}) {
     const apso::TrajectoryFile b = apso::read_trajectory_file(f->path());
     REQUIRE(b.trajectory.size() == 1);
     CHECK((a.trajectory[0].T_world_body.matrix() - b.trajectory[0].T_world_body.matrix()).cwiseAbs().maxCoeff() < 1e-15);
@@ -81,31 +63,31 @@ TEST_CASE("one pose in all formats") {
 
 TEST_CASE("KITTI: stamps are line numbers or those of times.txt; skipped lines keep the numbers of the others") {
   const std::string nan = "nan 0 0 0 0 1 0 0 0 0 1 0\n";
-  const File f(kKitti + nan + kKitti);
+  const TemporaryFile f(kKitti + nan + kKitti);
   std::vector<std::string> warnings;
   const apso::Trajectory t = apso::read_kitti_trajectory(f.path(), "", &warnings);
   REQUIRE(t.size() == 2);
   CHECK(t[1].timestamp == 2);
   REQUIRE(warnings.size() == 1);
   CHECK(warnings[0] == f.path() + ":2: r11 is not finite, line skipped");
-  const File times("0\n1.036e-01\n2.07e-01\n");
+  const TemporaryFile times("0\n1.036e-01\n2.07e-01\n");
   const apso::TrajectoryFile with = apso::read_trajectory_file(f.path(), {}, times.path());
   CHECK(with.has_stamps);
   CHECK(with.trajectory[1].timestamp == 0.207);
 
-  const File longer("0\n1\n2\n3\n");
+  const TemporaryFile longer("0\n1\n2\n3\n");
   warnings.clear();
   CHECK(apso::read_kitti_trajectory(f.path(), longer.path(), &warnings).size() == 2);
   CHECK(warnings.size() == 2);
-  const File shorter("0\n1\n");
+  const TemporaryFile shorter("0\n1\n");
   CHECK(failure(kKitti + kKitti + kKitti, {}, shorter.path()).find(":3: there is no time for this pose") == 0);
-  const File falling("0\n1\n1\n");
+  const TemporaryFile falling("0\n1\n1\n");
   CHECK(failure(kKitti, {}, falling.path()) == falling.path() + ":3: the times must increase");
   CHECK(failure(kKitti, {}, "/no/such/times").find("cannot open") != std::string::npos);
 }
 
 TEST_CASE("KITTI: rotations are made orthonormal; what is no rigid motion is refused with its line") {
-  const File f("0.99999 -0.0002 0 1 0.0003 1.00001 0 2 0 0 1 3\n");
+  const TemporaryFile f("0.99999 -0.0002 0 1 0.0003 1.00001 0 2 0 0 1 3\n");
   const Eigen::Matrix3d R = apso::read_kitti_trajectory(f.path())[0].T_world_body.linear();
   CHECK((R.transpose() * R - Eigen::Matrix3d::Identity()).norm() < 1e-14);
   CHECK(R(1, 0) == doctest::Approx(0.00025).epsilon(1e-3));
@@ -120,7 +102,7 @@ TEST_CASE("a forced format is not told from the file") {
   CHECK(failure("1.5 1 2 3 0 0 0 1\n", TrajectoryFormat::Kitti).find(":1: found 8 fields, expected 12") == 0);
   CHECK(failure("1 2 3\n", TrajectoryFormat::Euroc).find(":1: found 3 fields, expected 8: timestamp, px") == 0);
   // a quaternion with its real part first, read as if it were last, is another rotation: the order is the format's
-  const File f("1500000000000000000,0,0,0,0.6,0.8,0,0\n");
+  const TemporaryFile f("1500000000000000000,0,0,0,0.6,0.8,0,0\n");
   const auto w = [&](TrajectoryFormat format) {
     return apso::quaternion(apso::read_trajectory_file(f.path(), format).trajectory[0].T_world_body).w();
   };

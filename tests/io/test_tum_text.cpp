@@ -1,37 +1,18 @@
 #include <clocale>
 #include <cmath>
-#include <cstdio>
-#include <fstream>
 #include <string>
 #include <vector>
-
-#include <unistd.h>
 
 #include <doctest/doctest.h>
 
 #include <apso/io/tum_text.hpp>
 
+#include "temporary_file.hpp"
+
 namespace {
-/// A file that is gone at the end of the test.
-class File {
- public:
-  explicit File(const std::string& content) {
-    static int count = 0;
-    path_ = "/tmp/apso_tum_text_" + std::to_string(getpid()) + "_" + std::to_string(count++) + ".txt";
-    std::ofstream(path_, std::ios::binary) << content;
-  }
-  ~File() { std::remove(path_.c_str()); }
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-
 /// The message read_trajectory fails with, without the path in front.
 std::string failure(const std::string& content) {
-  const File f(content);
+  const TemporaryFile f(content);
   try {
     (void)apso::read_trajectory(f.path());
   } catch (const apso::io_error& e) {
@@ -46,7 +27,7 @@ const char* const good = "1.5 1 2 3 0 0 0 1\n";
 }  // namespace
 
 TEST_CASE("a trajectory with comments, blank lines, tabs, commas, Windows line ends and a byte order mark") {
-  const File f("\xEF\xBB\xBF# comment\r\n\r\n   \n1.5 1 2 3 0 0 0 1\r\n  2.5,\t-1e-3, 2. ,+3 0 0 0.6 0.8\n# end");
+  const TemporaryFile f("\xEF\xBB\xBF# comment\r\n\r\n   \n1.5 1 2 3 0 0 0 1\r\n  2.5,\t-1e-3, 2. ,+3 0 0 0.6 0.8\n# end");
   std::vector<std::string> warnings;
   const apso::Trajectory t = apso::read_trajectory(f.path(), &warnings);
   CHECK(warnings.empty());
@@ -89,7 +70,7 @@ TEST_CASE("a binary file fails with a printable message") {
 }
 
 TEST_CASE("lines that are not finite are skipped and reported") {
-  const File f(std::string(good) +
+  const TemporaryFile f(std::string(good) +
                "2 NaN 2 3 0 0 0 1\n3 1 -inf 3 0 0 0 1\n4 1 2 3 0 0 0 1e999\nnan 1 2 3 0 0 0 1\n6 1 2 3 0 0 0 1\n");
   std::vector<std::string> warnings;
   const apso::Trajectory t = apso::read_trajectory(f.path(), &warnings);
@@ -104,7 +85,7 @@ TEST_CASE("lines that are not finite are skipped and reported") {
 }
 
 TEST_CASE("unsorted stamps are sorted, of repeated ones the first is kept, both reported") {
-  const File f("3 30 0 0 0 0 0 1\n1 10 0 0 0 0 0 1\n3 31 0 0 0 0 0 1\n2 20 0 0 0 0 0 1\n");
+  const TemporaryFile f("3 30 0 0 0 0 0 1\n1 10 0 0 0 0 0 1\n3 31 0 0 0 0 0 1\n2 20 0 0 0 0 0 1\n");
   std::vector<std::string> warnings;
   const apso::Trajectory t = apso::read_trajectory(f.path(), &warnings);
   REQUIRE(t.size() == 3);
@@ -119,7 +100,7 @@ TEST_CASE("unsorted stamps are sorted, of repeated ones the first is kept, both 
 }
 
 TEST_CASE("a quaternion of another length is normalised and reported once") {
-  const File f("1 0 0 0 0 0 0 2\n2 0 0 0 0 0 6 8\n");
+  const TemporaryFile f("1 0 0 0 0 0 0 2\n2 0 0 0 0 0 6 8\n");
   std::vector<std::string> warnings;
   const apso::Trajectory t = apso::read_trajectory(f.path(), &warnings);
   CHECK(warnings.size() == 1);
@@ -135,7 +116,7 @@ TEST_CASE("what is written is read back") {
     xi << 0.1 * i, -1e-7 * i, 1234.56789 * i, 0.13 * i, -0.05 * i, 0.07 * i;  // turns beyond pi too
     t.push_back({1341846313.592026 + 0.033 * i, apso::se3_exp(xi)});
   }
-  const File f("");
+  const TemporaryFile f("");
   apso::write_trajectory(f.path(), t);
   std::vector<std::string> warnings;
   const apso::Trajectory back = apso::read_trajectory(f.path(), &warnings);
@@ -152,7 +133,7 @@ TEST_CASE("the format written: stamp with six decimals, qw not negative") {
   apso::Trajectory t(1);
   t[0].timestamp = 1341846313.592026;
   t[0].T_world_body.translation() = Eigen::Vector3d(0.123456789012, -2, 0);
-  const File f("");
+  const TemporaryFile f("");
   apso::write_trajectory(f.path(), t);
   std::ifstream in(f.path());
   std::string header;
@@ -167,7 +148,7 @@ TEST_CASE("stamps closer than a microsecond stay apart") {
   apso::Trajectory t(3);
   t[1].timestamp = 1e-7;
   t[2].timestamp = 3e-7;
-  const File f("");
+  const TemporaryFile f("");
   apso::write_trajectory(f.path(), t);
   CHECK(apso::read_trajectory(f.path()).size() == 3);
 }
@@ -182,14 +163,14 @@ TEST_CASE("the decimal point does not depend on the locale") {
   const std::string before = std::setlocale(LC_ALL, nullptr);
   for (const char* name : {"de_DE.UTF-8", "de_DE.utf8", "fr_FR.UTF-8", "C.UTF-8"}) {
     if (std::setlocale(LC_ALL, name) == nullptr) continue;
-    const File f("1.5 0.25 2 3 0 0 0 1\n");
+    const TemporaryFile f("1.5 0.25 2 3 0 0 0 1\n");
     CHECK(apso::read_trajectory(f.path())[0].T_world_body.translation().x() == 0.25);
   }
   std::setlocale(LC_ALL, before.c_str());
 }
 
 TEST_CASE("lists of images") {
-  const File f("# color images\n# timestamp filename\n2.5 rgb/2.5.png\n1.5 rgb/1.5.png\n2.5 rgb/again.png\n");
+  const TemporaryFile f("# color images\n# timestamp filename\n2.5 rgb/2.5.png\n1.5 rgb/1.5.png\n2.5 rgb/again.png\n");
   std::vector<std::string> warnings;
   const auto list = apso::read_file_list(f.path(), &warnings);
   REQUIRE(list.size() == 2);
@@ -197,30 +178,30 @@ TEST_CASE("lists of images") {
   CHECK(list[0].file == "rgb/1.5.png");
   CHECK(list[1].file == "rgb/2.5.png");
   CHECK(warnings.size() == 2);
-  const File three("1.5 a b\n");
+  const TemporaryFile three("1.5 a b\n");
   CHECK_THROWS_WITH_AS((void)apso::read_file_list(three.path()),
                        (three.path() + ":1: found 3 fields, expected 2: timestamp file").c_str(), apso::io_error);
-  const File name("rgb/1.png 1.5\n");
+  const TemporaryFile name("rgb/1.png 1.5\n");
   CHECK_THROWS_AS((void)apso::read_file_list(name.path()), apso::io_error);
-  const File nan("nan rgb/1.png\n");
+  const TemporaryFile nan("nan rgb/1.png\n");
   CHECK_THROWS_AS((void)apso::read_file_list(nan.path()), apso::io_error);
-  const File empty("#\n");
+  const TemporaryFile empty("#\n");
   CHECK_THROWS_AS((void)apso::read_file_list(empty.path()), apso::io_error);
 }
 
 TEST_CASE("associations of images") {
-  const File f("1.5 rgb/1.5.png 1.6 depth/1.6.png\n2.5 rgb/2.5.png 2.4 depth/2.4.png\n");
+  const TemporaryFile f("1.5 rgb/1.5.png 1.6 depth/1.6.png\n2.5 rgb/2.5.png 2.4 depth/2.4.png\n");
   const auto list = apso::read_associations(f.path());
   REQUIRE(list.size() == 2);
   CHECK(list[1].rgb_timestamp == 2.5);
   CHECK(list[1].rgb_file == "rgb/2.5.png");
   CHECK(list[1].depth_timestamp == 2.4);
   CHECK(list[1].depth_file == "depth/2.4.png");
-  const File bad("1.5 rgb/1.5.png depth/1.6.png 1.6\n");
+  const TemporaryFile bad("1.5 rgb/1.5.png depth/1.6.png 1.6\n");
   CHECK_THROWS_WITH_AS(
       (void)apso::read_associations(bad.path()),
       (bad.path() + ":1: field 3 (timestamp of the depth image) is 'depth/1.6.png', expected a number").c_str(),
       apso::io_error);
-  const File two("1.5 rgb/1.5.png\n");
+  const TemporaryFile two("1.5 rgb/1.5.png\n");
   CHECK_THROWS_AS((void)apso::read_associations(two.path()), apso::io_error);
 }

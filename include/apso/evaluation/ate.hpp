@@ -1,6 +1,6 @@
 /// \file
-/// Absolute trajectory error: how far the estimated positions are from the true ones after one motion, rigid unless asked otherwise, has
-/// laid the estimate onto the ground truth. J. Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems",
+/// Absolute trajectory error: how far the estimated positions are from the true ones once the estimate has been aligned with the
+/// ground truth, by a rigid motion unless asked otherwise. J. Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems",
 /// IROS 2012.
 #pragma once
 

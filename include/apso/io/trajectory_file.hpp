@@ -130,7 +130,7 @@ inline constexpr double kNanosecondStamps = 1e17;
 
 /// Reads a trajectory in any of the formats.
 /// \param format     nothing: told from the file, detect_trajectory_format()
-/// \param times_path stamps of a KITTI trajectory; must be empty for other formats, which have their own
+/// \param times_path stamps of a KITTI trajectory; other formats have their own, and it is not read for them
 /// \throws io_error when a file cannot be read or is not of the format
 [[nodiscard]] inline TrajectoryFile read_trajectory_file(const std::string& path, std::optional<TrajectoryFormat> format = {},
                                                          const std::string& times_path = {}, std::vector<std::string>* warnings = nullptr) {

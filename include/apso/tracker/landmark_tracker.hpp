@@ -141,6 +141,7 @@ class BasicLandmarkTracker {
   }
   // Features on bodies that the tracks show to move are not used either.
   void leave_out_bodies(const Pose& T_world_camera) {
+    if (!motion_.bodies().any()) return;
     for (std::size_t i = 0; i < features_.weight.size(); ++i) {
       const float inverse_depth = features_.inverse_depth[i];
       if (!(features_.weight[i] > 0) || !(inverse_depth > 0)) continue;

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -24,49 +25,56 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Cuts observations into clusters and tells which of them move. Keeps its buffers.
+/// Cuts observations into clusters and tells which of them move. Keeps its buffers: once they have grown, a call allocates nothing.
 class MovingBodies {
  public:
   /// \param T_world_camera a pose that many observations agree with, which may be that of a body
   /// \param[in,out] observations those of clusters that do not follow the camera are removed, at most half of all
-  /// \return the pose of the camera by the others
+  /// \return the pose of the camera by the others; T_world_camera where nothing moves or too much does
   Pose separate(const Pinhole& camera, std::vector<PointObservation>& observations, const Pose& T_world_camera) {
     camera_ = camera;
-    clusters_.clear();
+    clear();
     if (observations.size() < 2 * kMinPoints) return T_world_camera;
     cluster(observations);
     fit_each(T_world_camera);
     best_cost_ = cost(T_world_camera, best_);
     best_pose_ = T_world_camera;
-    if (std::none_of(best_.begin(), best_.end(), [](char moving) { return moving != 0; })) return T_world_camera;
-    improve(T_world_camera);
-    for (std::size_t k = 0; k < clusters_.size(); ++k) {
+    if (best_ == Chosen{}) return T_world_camera;
+    for (std::size_t k = 0; k < count_; ++k) {
       if (!clusters_[k].fitted) continue;
-      skipped_.assign(clusters_.size(), 0);
-      skipped_[k] = 1;
+      Chosen one{};
+      one[k] = true;
       Pose T = T_world_camera;
-      if (fit_rest(skipped_, T)) improve(T);
+      if (fit_rest(one, T)) improve(T);
       improve(clusters_[k].T_world_camera);
     }
-    for (std::size_t k = 0; k < clusters_.size(); ++k) {
-      clusters_[k].moving = best_[k] != 0 && typical_residual(clusters_[k].points, best_pose_) > kClearMotion;
+    if (!std::isfinite(best_cost_)) return T_world_camera;
+    for (std::size_t k = 0; k < count_; ++k) {
+      clusters_[k].moving = best_[k] && typical_residual(clusters_[k].points, best_pose_) > kClearMotion;
+      any_ = any_ || clusters_[k].moving;
     }
     collect_resting(best_);
-    observations = scratch_;
+    observations = rest_;
     return best_pose_;
   }
 
-  void clear() { clusters_.clear(); }
-  /// Whether a place belongs to a body whose motion is clear to see.
+  /// Forgets what was found.
+  void clear() {
+    count_ = 0;
+    any_ = false;
+  }
+  /// Whether the motion of some body is clear to see.
+  [[nodiscard]] bool any() const { return any_; }
+  /// Whether a place belongs to such a body.
   /// \param point in the world of the observations [m]
   [[nodiscard]] bool moves(const Eigen::Vector3d& point) const {
     double least = kReach * kReach;
     bool moving = false;
-    for (const Cluster& c : clusters_) {
-      const double d = squared_norm(minus(point, c.centre));
+    for (std::size_t k = 0; k < count_; ++k) {
+      const double d = squared_norm(minus(point, clusters_[k].centre));
       if (!(d < least)) continue;
       least = d;
-      moving = c.moving;
+      moving = clusters_[k].moving;
     }
     return moving;
   }
@@ -90,36 +98,26 @@ class MovingBodies {
     bool fitted = false;
     bool moving = false;
   };
+  using Chosen = std::array<bool, kClusters>;
 
   // K-means from points that are as far from each other as can be, so that the result does not depend on chance.
   void cluster(const std::vector<PointObservation>& observations) {
     const std::size_t n = observations.size();
-    clusters_.resize(std::min(kClusters, n / kMinPoints));
+    count_ = std::min(kClusters, n / kMinPoints);
     distance_.assign(n, std::numeric_limits<double>::infinity());
-    std::size_t start = 0;
-    for (Cluster& c : clusters_) {
-      c.centre = observations[start].point;
-      start = 0;
+    std::size_t farthest = 0;
+    for (std::size_t k = 0; k < count_; ++k) {
+      clusters_[k].centre = observations[farthest].point;
       for (std::size_t i = 0; i < n; ++i) {
-        distance_[i] = std::min(distance_[i], squared_norm(minus(observations[i].point, c.centre)));
-        if (distance_[i] > distance_[start]) start = i;
+        distance_[i] = std::min(distance_[i], squared_norm(minus(observations[i].point, clusters_[k].centre)));
       }
+      farthest = static_cast<std::size_t>(std::max_element(distance_.begin(), distance_.end()) - distance_.begin());
     }
     for (int round = 0; round < kRounds; ++round) {
-      for (Cluster& c : clusters_) c.points.clear();
-      for (const PointObservation& o : observations) {
-        Cluster* nearest = &clusters_.front();
-        double least = std::numeric_limits<double>::infinity();
-        for (Cluster& c : clusters_) {
-          const double d = squared_norm(minus(o.point, c.centre));
-          if (d < least) {
-            least = d;
-            nearest = &c;
-          }
-        }
-        nearest->points.push_back(o);
-      }
-      for (Cluster& c : clusters_) {
+      for (std::size_t k = 0; k < count_; ++k) clusters_[k].points.clear();
+      for (const PointObservation& o : observations) nearest(o.point).points.push_back(o);
+      for (std::size_t k = 0; k < count_; ++k) {
+        Cluster& c = clusters_[k];
         if (c.points.empty()) continue;
         Eigen::Vector3d sum = zeros<Eigen::Vector3d>();
         for (const PointObservation& o : c.points) sum = plus(sum, o.point);
@@ -127,19 +125,32 @@ class MovingBodies {
       }
     }
   }
+  Cluster& nearest(const Eigen::Vector3d& point) {
+    std::size_t best = 0;
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k < count_; ++k) {
+      const double d = squared_norm(minus(point, clusters_[k].centre));
+      if (!(d < least)) continue;
+      least = d;
+      best = k;
+    }
+    return clusters_[best];
+  }
 
   // The motion of each cluster by itself; what is left then is the noise of the tracks.
   void fit_each(const Pose& T_world_camera) {
     noise_ = 1;
     errors_.clear();
-    for (Cluster& c : clusters_) {
+    for (std::size_t k = 0; k < count_; ++k) {
+      Cluster& c = clusters_[k];
       c.T_world_camera = T_world_camera;
       c.moving = false;
       c.fitted = c.points.size() >= kMinPoints && fit(c.points, c.T_world_camera);
       add_errors(c.points, c.T_world_camera);
     }
     if (!errors_.empty()) noise_ = std::max(kMinPixelNoise, std::sqrt(median_error() / kMedianNorm2));
-    for (Cluster& c : clusters_) {
+    for (std::size_t k = 0; k < count_; ++k) {
+      Cluster& c = clusters_[k];
       c.own_cost = c.fitted ? kMotionCost + cost(c.points, c.T_world_camera) : std::numeric_limits<double>::infinity();
     }
   }
@@ -155,14 +166,14 @@ class MovingBodies {
       if (!fit_rest(best_, T)) return;
     }
   }
-  bool fit_rest(const std::vector<char>& moving, Pose& T) {
+  bool fit_rest(const Chosen& moving, Pose& T) {
     collect_resting(moving);
-    return fit(scratch_, T);
+    return fit(rest_, T);
   }
-  void collect_resting(const std::vector<char>& moving) {
-    scratch_.clear();
-    for (std::size_t k = 0; k < clusters_.size(); ++k) {
-      if (moving[k] == 0) scratch_.insert(scratch_.end(), clusters_[k].points.begin(), clusters_[k].points.end());
+  void collect_resting(const Chosen& moving) {
+    rest_.clear();
+    for (std::size_t k = 0; k < count_; ++k) {
+      if (!moving[k]) rest_.insert(rest_.end(), clusters_[k].points.begin(), clusters_[k].points.end());
     }
   }
   [[nodiscard]] double typical_residual(const std::vector<PointObservation>& observations, const Pose& T_world_camera) {
@@ -190,18 +201,18 @@ class MovingBodies {
   }
 
   // Minus the logarithm of the likelihood of all, each cluster with the motion that explains it better.
-  [[nodiscard]] double cost(const Pose& T_world_camera, std::vector<char>& moving) const {
-    moving.assign(clusters_.size(), 0);
+  [[nodiscard]] double cost(const Pose& T_world_camera, Chosen& moving) const {
+    moving = {};
     double sum = 0;
     std::size_t moved = 0;
     std::size_t all = 0;
-    for (std::size_t k = 0; k < clusters_.size(); ++k) {
+    for (std::size_t k = 0; k < count_; ++k) {
       const Cluster& c = clusters_[k];
       const double resting = cost(c.points, T_world_camera);
-      moving[k] = c.own_cost < resting ? 1 : 0;
+      moving[k] = c.own_cost < resting;
       sum += std::min(resting, c.own_cost);
       all += c.points.size();
-      moved += moving[k] != 0 ? c.points.size() : 0;
+      moved += moving[k] ? c.points.size() : 0;
     }
     return 2 * moved > all ? std::numeric_limits<double>::infinity() : sum;
   }
@@ -217,10 +228,12 @@ class MovingBodies {
   }
 
   Pinhole camera_;
-  std::vector<Cluster> clusters_;
+  std::array<Cluster, kClusters> clusters_;
+  std::size_t count_ = 0;
+  bool any_ = false;
   std::vector<double> distance_, errors_;
-  std::vector<char> best_, trial_, skipped_;
-  std::vector<PointObservation> scratch_;
+  std::vector<PointObservation> rest_;
+  Chosen best_{}, trial_{};
   Pose best_pose_ = identity_pose();
   double best_cost_ = 0;
   double noise_ = 1;  // of tracks [px]
