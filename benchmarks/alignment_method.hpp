@@ -17,7 +17,7 @@ struct Outcome {
 class Method {
  public:
   virtual ~Method() = default;
-  [[nodiscard]] virtual std::string name() const = 0;   ///< for the table
+  [[nodiscard]] virtual std::string name() const = 0;           ///< for the table
   [[nodiscard]] virtual std::string key() const { return {}; }  ///< in the line of ratios; empty = not in it
   virtual void camera(const apso::Pinhole& camera) = 0;
   /// Everything that depends on one frame alone.

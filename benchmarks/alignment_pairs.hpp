@@ -67,10 +67,10 @@ struct Pair {
 };
 
 struct Conditions {
-  bool noise = true;          ///< of image and depth, holes, gain
-  double moving_share = 0;    ///< two bodies that cover about this share of both images and move 5 cm each
-  double gain = 0.02;         ///< largest change of brightness between the two images
-  double image_noise = 3;     ///< [grey values of 255]
+  bool noise = true;        ///< of image and depth, holes, gain
+  double moving_share = 0;  ///< two bodies that cover about this share of both images and move 5 cm each
+  double gain = 0.02;       ///< largest change of brightness between the two images
+  double image_noise = 3;   ///< [grey values of 255]
 };
 
 /// Of length 1, all directions alike.
@@ -85,8 +85,7 @@ inline Eigen::Vector3d random_direction(apso::testing::Random& rng) {
 class PairMaker {
  public:
   /// \param seed of the first view; view i uses seed + i
-  explicit PairMaker(std::uint64_t seed, int width = 640)
-      : seed_(seed), camera_(apso::testing::freiburg3_camera(width, width * 3 / 4)) {}
+  explicit PairMaker(std::uint64_t seed, int width = 640) : seed_(seed), camera_(apso::testing::freiburg3_camera(width, width * 3 / 4)) {}
 
   [[nodiscard]] const apso::Pinhole& camera() const { return camera_; }
 
@@ -141,16 +140,14 @@ class PairMaker {
 
   // Two people in front of where the camera is halfway, as near as the wanted share of both images, on average, asks for.
   [[nodiscard]] std::vector<apso::testing::Limb> bodies(const apso::testing::Scene& scene, const Pose& T_world_reference,
-                                                        const Pose& T_world_current, double wanted,
-                                                        apso::testing::Random& rng) const {
+                                                        const Pose& T_world_current, double wanted, apso::testing::Random& rng) const {
     using namespace apso::testing;
     std::vector<Limb> out;
     if (!(wanted > 0)) return out;
     const double side[2] = {rng.uniform(-.5, -.2), rng.uniform(.2, .5)};  // of the half image
     const double further = rng.uniform(1.0, 1.25);
     const std::uint64_t people = rng.next();
-    const Pose T_world_camera =
-        T_world_reference * apso::se3_exp(0.5 * apso::se3_log(apso::inverse(T_world_reference) * T_world_current));
+    const Pose T_world_camera = T_world_reference * apso::se3_exp(0.5 * apso::se3_log(apso::inverse(T_world_reference) * T_world_current));
     double near = 0.5;
     double far = 4.0;
     for (int it = 0; it < 14; ++it) {
@@ -185,8 +182,8 @@ class PairMaker {
     ImageMotion still;
     still.linear.assign(limbs.size() + 1, Eigen::Vector3f::Zero());
     apso::Image<std::uint8_t> rgb;
-    expose(drawn, scene.faces.size(), camera_, still, 0.0, c.noise ? gain : 1.0, c.noise ? c.image_noise : 0.0, seed,
-           normal_, rgb, out.intensity);
+    expose(drawn, scene.faces.size(), camera_, still, 0.0, c.noise ? gain : 1.0, c.noise ? c.image_noise : 0.0, seed, normal_, rgb,
+           out.intensity);
     if (c.noise) {
       sense_depth(drawn, renderer, camera_, seed, normal_, out.depth);
     } else {

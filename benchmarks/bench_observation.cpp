@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <vector>
 
-#include <apso/observation/policies/geometric_motion.hpp>
 #include <apso/observation/objects/object_tracker.hpp>
+#include <apso/observation/policies/geometric_motion.hpp>
 #include <apso/testing/synthetic.hpp>
 #include <apso/traits/frame.hpp>
 

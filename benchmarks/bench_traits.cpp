@@ -172,9 +172,9 @@ void pose_round_trip(benchmark::State& state) {
 }
 }  // namespace
 
-#define APSO_BENCH_TYPE(type)                                           \
-  BENCHMARK_CAPTURE(read, type, type)->Unit(benchmark::kMicrosecond);   \
-  BENCHMARK_CAPTURE(pyramid, type, type)->Unit(benchmark::kMillisecond); \
+#define APSO_BENCH_TYPE(type)                                                 \
+  BENCHMARK_CAPTURE(read, type, type)->Unit(benchmark::kMicrosecond);         \
+  BENCHMARK_CAPTURE(pyramid, type, type)->Unit(benchmark::kMillisecond);      \
   BENCHMARK_CAPTURE(working_copy, type, type)->Unit(benchmark::kMicrosecond); \
   BENCHMARK_CAPTURE(align, type, type)->Unit(benchmark::kMillisecond)
 APSO_BENCH_TYPE(own_float);

@@ -68,8 +68,7 @@ class Apso : public Method {
  private:
   template <class Executor = apso::SerialExecutor>
   void build(const pairs::Image8& f, apso::FramePyramid& p, apso::PyramidRole role, const Executor& executor = {}) {
-    p.build({0.0, f.intensity, f.depth}, camera_, mask_ ? f.probability.view() : apso::ImageView<const float>{}, pyramid_, role,
-            executor);
+    p.build({0.0, f.intensity, f.depth}, camera_, mask_ ? f.probability.view() : apso::ImageView<const float>{}, pyramid_, role, executor);
   }
   std::string name_, key_;
   apso::PyramidOptions pyramid_;
@@ -118,20 +117,21 @@ void score(Method& m, const Pair& p, Score& s, const Limits& limits = {}) {
   step.first += right ? 1 : 0;
   ++step.second;
   if (verbose) {
-    std::printf("  %-34s step %.3f moving %.2f: %8.3f mm %7.4f deg %s %s", m.name().c_str(), p.step, p.moving_share, mm,
-                degrees, right ? "right" : "WRONG", o.good ? "good" : "bad");
+    std::printf("  %-34s step %.3f moving %.2f: %8.3f mm %7.4f deg %s %s", m.name().c_str(), p.step, p.moving_share, mm, degrees,
+                right ? "right" : "WRONG", o.good ? "good" : "bad");
     if (const auto* a = dynamic_cast<const Apso*>(&m)) {
-      std::printf("  %s c %.2f valid %.2f sI %.2f sD %.2f it %d", apso::to_string(a->last.status), a->confidence,
-                  a->last.valid_share, a->last.scale_intensity, a->last.scale_depth, a->last.iterations);
+      std::printf("  %s c %.2f valid %.2f sI %.2f sD %.2f it %d", apso::to_string(a->last.status), a->confidence, a->last.valid_share,
+                  a->last.scale_intensity, a->last.scale_depth, a->last.iterations);
     }
     std::printf("\n");
   }
 }
 
 void print_scores(const std::string& title, const Methods& methods, const std::vector<Score>& scores) {
-  std::printf("\n### %s\n\n| method | right | median mm / deg of the right ones | by motion | wrong but called good | right and called good |\n"
-              "|---|---|---|---|---|---|\n",
-              title.c_str());
+  std::printf(
+      "\n### %s\n\n| method | right | median mm / deg of the right ones | by motion | wrong but called good | right and called good |\n"
+      "|---|---|---|---|---|---|\n",
+      title.c_str());
   for (std::size_t i = 0; i < methods.size(); ++i) {
     const Score& s = scores[i];
     std::string steps;
@@ -143,8 +143,7 @@ void print_scores(const std::string& title, const Methods& methods, const std::v
     char right_mm[48] = "-";
     if (!s.mm.empty()) std::snprintf(right_mm, sizeof right_mm, "%.2f / %.4f", median(s.mm), median(s.degrees));
     std::printf("| %s | %d of %d (%.1f %%) | %s | %s | %d of %d | %d of %d |\n", methods[i]->name().c_str(), s.right, s.pairs,
-                100.0 * s.right / std::max(1, s.pairs), right_mm, steps.c_str(), s.wrong_good, s.pairs - s.right, s.right_good,
-                s.right);
+                100.0 * s.right / std::max(1, s.pairs), right_mm, steps.c_str(), s.wrong_good, s.pairs - s.right, s.right_good, s.right);
   }
   std::fflush(stdout);
 }
@@ -184,16 +183,17 @@ void time_methods(Methods& methods, const pairs::PairMaker& maker, int count, in
       times[i].total.push_back(best[i][3]);
     }
   }
-  std::printf("\n### Time, one thread [ms of CPU time, median over %d pairs of the best of %d]\n\n"
-              "| method | prepare reference | prepare current | solve | a pair | reference prepared before |\n"
-              "|---|---|---|---|---|---|\n",
-              count, repeats);
+  std::printf(
+      "\n### Time, one thread [ms of CPU time, median over %d pairs of the best of %d]\n\n"
+      "| method | prepare reference | prepare current | solve | a pair | reference prepared before |\n"
+      "|---|---|---|---|---|---|\n",
+      count, repeats);
   const double ours = median(times[0].total);
   std::string ratios;
   for (std::size_t i = 0; i < methods.size(); ++i) {
     const Times& t = times[i];
-    std::printf("| %s | %.2f | %.2f | %.2f | %.2f | %.2f |\n", methods[i]->name().c_str(), median(t.reference),
-                median(t.current), median(t.solve), median(t.total), median(t.current) + median(t.solve));
+    std::printf("| %s | %.2f | %.2f | %.2f | %.2f | %.2f |\n", methods[i]->name().c_str(), median(t.reference), median(t.current),
+                median(t.solve), median(t.total), median(t.current) + median(t.solve));
     if (methods[i]->key().empty()) continue;
     char text[64];
     std::snprintf(text, sizeof text, " %s=%.2f", methods[i]->key().c_str(), median(t.total) / ours);
@@ -263,9 +263,7 @@ class TwoThreads {
   std::thread worker_;
 };
 
-double wall_ms() {
-  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
+double wall_ms() { return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 // 40 passes of 16 short tasks that keep the arithmetic units busy and touch no memory: what two threads can gain at best
 // here. It is little where the host runs both on one core.
@@ -287,11 +285,11 @@ void arithmetic(const Executor& executor) {
 }
 
 // What one call needs of time and memory, apart from its peers.
-void print_resources(const pairs::PairMaker& maker, const apso::PyramidOptions& half, const apso::PyramidOptions& full,
-                     int repeats) {
-  std::printf("\n### Parts of the work\n\n| preset | a frame prepared for both roles [ms] | one look at all pixels [ms] | "
-              "memory beside the images [MB] | two threads against one, a pair | of that, solving | plain arithmetic |\n"
-              "|---|---|---|---|---|---|---|\n");
+void print_resources(const pairs::PairMaker& maker, const apso::PyramidOptions& half, const apso::PyramidOptions& full, int repeats) {
+  std::printf(
+      "\n### Parts of the work\n\n| preset | a frame prepared for both roles [ms] | one look at all pixels [ms] | "
+      "memory beside the images [MB] | two threads against one, a pair | of that, solving | plain arithmetic |\n"
+      "|---|---|---|---|---|---|---|\n");
   const Pair pair = maker.make(0, 0.04, {});
   for (const bool dense : {false, true}) {
     const std::size_t before = mallinfo2().uordblks + mallinfo2().hblkhd;
@@ -358,10 +356,11 @@ void add_noise(pairs::Image8& f, std::uint64_t seed) {
 // much of the loss is due to there being less to see.
 void print_mask_cost(const pairs::PairMaker& maker, const apso::PyramidOptions& half, const std::vector<double>& shares, int views,
                      const std::vector<double>& motions) {
-  std::printf("\n### What a mask costs, pairs right with and without it\n\n| masked | error over that without bodies, geometric mean | "
-              "the same expected from the covariance | pairs whose images share less than a fifth of what is not masked | "
-              "too few pixels with depth (300) |\n"
-              "|---|---|---|---|---|\n");
+  std::printf(
+      "\n### What a mask costs, pairs right with and without it\n\n| masked | error over that without bodies, geometric mean | "
+      "the same expected from the covariance | pairs whose images share less than a fifth of what is not masked | "
+      "too few pixels with depth (300) |\n"
+      "|---|---|---|---|---|\n");
   Apso a("", "", half, apso::AlignmentOptions{}, true);
   a.camera(maker.camera());
   struct Result {
@@ -422,8 +421,8 @@ void print_moving_shares(Methods& methods, Methods& masked, const pairs::PairMak
   const std::vector<double> shares{0.10, 0.20, 0.30, 0.45, 0.60};
   const std::vector<const char*> masks{"true mask", "half of the mask wrong", "no mask"};
   // [mask][method][share]
-  std::vector<std::vector<std::vector<Score>>> scores(
-      masks.size(), std::vector<std::vector<Score>>(methods.size(), std::vector<Score>(shares.size())));
+  std::vector<std::vector<std::vector<Score>>> scores(masks.size(),
+                                                      std::vector<std::vector<Score>>(methods.size(), std::vector<Score>(shares.size())));
   for (std::size_t s = 0; s < shares.size(); ++s) {
     Conditions c;
     c.moving_share = shares[s];
@@ -449,7 +448,8 @@ void print_moving_shares(Methods& methods, Methods& masked, const pairs::PairMak
     }
   }
   for (std::size_t m = 0; m < masks.size(); ++m) {
-    std::printf("\n### Two moving bodies, %s, 1 / 4 / 10 cm: median error of all pairs [mm], and those that are right\n\n| method |", masks[m]);
+    std::printf("\n### Two moving bodies, %s, 1 / 4 / 10 cm: median error of all pairs [mm], and those that are right\n\n| method |",
+                masks[m]);
     for (const double share : shares) std::printf(" %.0f %% move |", 100 * share);
     std::printf("\n|---|");
     for (std::size_t s = 0; s < shares.size(); ++s) std::printf("---|");
@@ -463,8 +463,8 @@ void print_moving_shares(Methods& methods, Methods& masked, const pairs::PairMak
   std::fflush(stdout);
 }
 
-void score_recording(Methods& methods, const std::string& folder, const apso::opencv::CameraModel& camera,
-                     const std::string& truth_file, const std::vector<int>& steps, int count) {
+void score_recording(Methods& methods, const std::string& folder, const apso::opencv::CameraModel& camera, const std::string& truth_file,
+                     const std::vector<int>& steps, int count) {
   const pairs::RecordingPairs source(folder, camera, truth_file);
   for (auto& m : methods) m->camera(camera.pinhole);
   std::printf("\n### %s, median error of all pairs [mm / deg]\n\n| method |", folder.c_str());

@@ -28,8 +28,8 @@ class Solver : public mrpt::vision::CDifodo {
     previous_speed_const_weight = 0;
     previous_speed_eig_weight = 0;
     depth_wf.setZero(static_cast<int>(m_height), static_cast<int>(m_width));
-    for (auto* pyramid : {&depth, &depth_old, &depth_inter, &xx, &xx_old, &xx_inter, &yy, &yy_old, &yy_inter,
-                          &depth_warped, &xx_warped, &yy_warped}) {
+    for (auto* pyramid :
+         {&depth, &depth_old, &depth_inter, &xx, &xx_old, &xx_inter, &yy, &yy_old, &yy_inter, &depth_warped, &xx_warped, &yy_warped}) {
       pyramid->resize(kLevels);
       for (unsigned i = 0; i < kLevels; ++i) {
         (*pyramid)[i].setZero(static_cast<int>(m_height >> i), static_cast<int>(m_width >> i));
@@ -83,8 +83,7 @@ class Difodo : public Method {
     P(0, 2) = P(1, 0) = P(2, 1) = P(3, 3) = 1;
     Eigen::Matrix4d T;
     for (int r = 0; r < 4; ++r) {
-      for (int c = 0; c < 4; ++c)
-        T(r, c) = solver_.cam_pose.getHomogeneousMatrixVal<mrpt::math::CMatrixDouble44>()(r, c);
+      for (int c = 0; c < 4; ++c) T(r, c) = solver_.cam_pose.getHomogeneousMatrixVal<mrpt::math::CMatrixDouble44>()(r, c);
     }
     apso::Pose T_reference_current;
     T_reference_current.matrix() = P.transpose() * T * P;

@@ -18,12 +18,9 @@ namespace {
 namespace o3 = open3d;
 using o3::core::Tensor;
 
-Tensor to_tensor(const cv::Mat& m) {
-  return Tensor(reinterpret_cast<const float*>(m.data), {m.rows, m.cols, 1}, o3::core::Float32);
-}
+Tensor to_tensor(const cv::Mat& m) { return Tensor(reinterpret_cast<const float*>(m.data), {m.rows, m.cols, 1}, o3::core::Float32); }
 cv::Mat to_mat(const Tensor& t) {
-  return cv::Mat(static_cast<int>(t.GetShape(0)), static_cast<int>(t.GetShape(1)), CV_32F,
-                 const_cast<float*>(t.GetDataPtr<float>()));
+  return cv::Mat(static_cast<int>(t.GetShape(0)), static_cast<int>(t.GetShape(1)), CV_32F, const_cast<float*>(t.GetDataPtr<float>()));
 }
 
 class Open3dHybrid : public Method {
@@ -63,13 +60,12 @@ class Open3dHybrid : public Method {
         double last_fitness = 0;
         double last_rmse = 0;
         for (int i = 0; i < iterations[l]; ++i) {
-          const auto r = odometry::ComputeOdometryResultHybrid(
-              source_depth_[l], target_depth_[l], source_intensity_[l], target_intensity_[l], depth_dx_[l], depth_dy_[l],
-              intensity_dx_[l], intensity_dy_[l], vertices_[l], intrinsics_[l], T, 0.07F, 0.05F, 0.1F);
+          const auto r = odometry::ComputeOdometryResultHybrid(source_depth_[l], target_depth_[l], source_intensity_[l],
+                                                               target_intensity_[l], depth_dx_[l], depth_dy_[l], intensity_dx_[l],
+                                                               intensity_dy_[l], vertices_[l], intrinsics_[l], T, 0.07F, 0.05F, 0.1F);
           T = r.transformation_.Matmul(T);
           fitness = r.fitness_;
-          if (std::abs(fitness - last_fitness) / fitness < 1e-6 &&
-              std::abs(r.inlier_rmse_ - last_rmse) / r.inlier_rmse_ < 1e-6) {
+          if (std::abs(fitness - last_fitness) / fitness < 1e-6 && std::abs(r.inlier_rmse_ - last_rmse) / r.inlier_rmse_ < 1e-6) {
             break;
           }
           last_fitness = fitness;
@@ -123,9 +119,7 @@ class Open3dLegacyHybrid : public Method {
  public:
   std::string name() const override { return "Open3D legacy hybrid"; }
   std::string key() const override { return "open3d_legacy"; }
-  void camera(const apso::Pinhole& c) override {
-    open3d_legacy_camera(peer_.get(), c.width, c.height, c.fx, c.fy, c.cx, c.cy);
-  }
+  void camera(const apso::Pinhole& c) override { open3d_legacy_camera(peer_.get(), c.width, c.height, c.fx, c.fy, c.cx, c.cy); }
   void prepare_reference(const pairs::Image8& f) override { frame(f, 0); }
   void prepare_current(const pairs::Image8& f) override { frame(f, 1); }
   Outcome solve(const apso::Pose& guess) override {

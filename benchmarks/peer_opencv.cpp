@@ -14,8 +14,8 @@ class OpenCvOdometry : public Method {
   std::string name() const override { return name_; }
   std::string key() const override { return key_; }
   void camera(const apso::Pinhole& c) override {
-    const cv::Matx33f k(static_cast<float>(c.fx), 0, static_cast<float>(c.cx), 0, static_cast<float>(c.fy),
-                        static_cast<float>(c.cy), 0, 0, 1);
+    const cv::Matx33f k(static_cast<float>(c.fx), 0, static_cast<float>(c.cx), 0, static_cast<float>(c.fy), static_cast<float>(c.cy), 0, 0,
+                        1);
     odometry_ = Odometry::create(cv::Mat(k).clone());
   }
   void prepare_reference(const pairs::Image8& f) override {
@@ -60,7 +60,6 @@ class OpenCvOdometry : public Method {
 void add_opencv(Methods& methods) {
   cv::setNumThreads(1);
   methods.push_back(std::make_unique<OpenCvOdometry<cv::rgbd::RgbdOdometry>>("OpenCV RgbdOdometry", "opencv_rgbd"));
-  methods.push_back(
-      std::make_unique<OpenCvOdometry<cv::rgbd::RgbdICPOdometry>>("OpenCV RgbdICPOdometry", "opencv_rgbd_icp"));
+  methods.push_back(std::make_unique<OpenCvOdometry<cv::rgbd::RgbdICPOdometry>>("OpenCV RgbdICPOdometry", "opencv_rgbd_icp"));
   methods.push_back(std::make_unique<OpenCvOdometry<cv::rgbd::ICPOdometry>>("OpenCV ICPOdometry (depth)", "opencv_icp"));
 }

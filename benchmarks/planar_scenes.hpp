@@ -24,10 +24,10 @@ struct Rectangle {
 /// A structured-light camera: disparity with noise of its own, rounded to eighths of a pixel, read at a place that errs by half a
 /// pixel; holes where a surface is seen at a grazing angle, and beyond 5 m. Grey values with Gaussian noise.
 struct ForeignSensor {
-  double grey_sigma = 3;           ///< [grey values of 255]
-  double disparity_sigma = 0.15;   ///< [px]
-  double lateral_sigma = 0.4;      ///< [px]
-  double gain = 0.02;              ///< largest change of brightness
+  double grey_sigma = 3;          ///< [grey values of 255]
+  double disparity_sigma = 0.15;  ///< [px]
+  double lateral_sigma = 0.4;     ///< [px]
+  double gain = 0.02;             ///< largest change of brightness
 
   template <class Depth>  // depth(x, y) without noise, 0 = none, at any place [px]
   void operator()(const apso::Pinhole& camera, const Depth& depth, std::uint64_t seed, double brightness, Image8& out) const {
@@ -90,7 +90,8 @@ inline Image8 look_at(const std::vector<Rectangle>& scene, const apso::Pinhole& 
       out.intensity(x, y) = static_cast<float>(sum / (kRays * kRays));
     }
   }
-  sensor(camera, [&](double x, double y) { return cast(x, y).z; }, seed, brightness, out);
+  sensor(
+      camera, [&](double x, double y) { return cast(x, y).z; }, seed, brightness, out);
   return out;
 }
 
@@ -107,8 +108,8 @@ inline std::vector<Rectangle> make_scenery(Scenery kind, std::uint64_t seed) {
   using Eigen::Vector3d;
   apso::testing::Random rng(apso::testing::hash64(seed));
   const double distance = kind == Scenery::Facade ? rng.uniform(2.2, 3.5) : rng.uniform(1.1, 2.2);
-  const Eigen::Matrix3d turn = (apso::so3_exp({0, rng.uniform(-18, 18) * kDegree, 0}) *
-                                apso::so3_exp({rng.uniform(-12, 12) * kDegree, 0, 0})).toRotationMatrix();
+  const Eigen::Matrix3d turn =
+      (apso::so3_exp({0, rng.uniform(-18, 18) * kDegree, 0}) * apso::so3_exp({rng.uniform(-12, 12) * kDegree, 0, 0})).toRotationMatrix();
   const double base = rng.uniform(0.3, 0.6);
   const auto wall = [&](Texture t) {
     const Vector3d u = turn * Vector3d::UnitX();
@@ -156,7 +157,8 @@ inline std::vector<Rectangle> make_scenery(Scenery kind, std::uint64_t seed) {
         return bar ? frame : pane;
       });
     }
-    case Scenery::Wall: return wall([base](double, double) { return base; });
+    case Scenery::Wall:
+      return wall([base](double, double) { return base; });
     case Scenery::Poster: {
       std::vector<double> greys(400 * 400);
       for (double& g : greys) g = rng.uniform(0.1, 0.9);
@@ -175,7 +177,8 @@ inline Pair make_planar_pair(Scenery kind, std::uint64_t seed, double step, cons
   const std::vector<Rectangle> scene = make_scenery(kind, seed);
   Pose T_world_reference = Pose::Identity();
   T_world_reference.linear() = (apso::so3_exp({0, rng.uniform(-8, 8) * kDegree, 0}) * apso::so3_exp({rng.uniform(-6, 6) * kDegree, 0, 0}) *
-                                apso::so3_exp({0, 0, rng.uniform(-8, 8) * kDegree})).toRotationMatrix();
+                                apso::so3_exp({0, 0, rng.uniform(-8, 8) * kDegree}))
+                                   .toRotationMatrix();
   apso::Twist xi;
   xi << step * random_direction(rng), step * 50 * kDegree * random_direction(rng);
   const Pose T_current_world = apso::se3_exp(xi) * apso::inverse(T_world_reference);
@@ -196,13 +199,14 @@ inline Pair make_room_pair(const PairMaker& maker, int view, double step, double
   apso::testing::Random rng(apso::testing::hash64(static_cast<std::uint64_t>(view) * 977U + static_cast<std::uint64_t>(1e6 * step)));
   const auto reseen = [&](Image8& f, double brightness) {
     const apso::Image<float> depth = f.depth;
-    sensor(maker.camera(),
-           [&](double x, double y) {
-             const int i = std::clamp(static_cast<int>(std::lround(x)), 0, depth.width() - 1);
-             const int j = std::clamp(static_cast<int>(std::lround(y)), 0, depth.height() - 1);
-             return static_cast<double>(depth(i, j));
-           },
-           rng.next(), brightness, f);
+    sensor(
+        maker.camera(),
+        [&](double x, double y) {
+          const int i = std::clamp(static_cast<int>(std::lround(x)), 0, depth.width() - 1);
+          const int j = std::clamp(static_cast<int>(std::lround(y)), 0, depth.height() - 1);
+          return static_cast<double>(depth(i, j));
+        },
+        rng.next(), brightness, f);
   };
   reseen(pair.reference, 1.0);
   reseen(pair.current, 1.0 + sensor.gain * rng.uniform(-1, 1));

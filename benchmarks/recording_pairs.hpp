@@ -15,8 +15,8 @@ namespace pairs {
 
 /// The true pose at a time, between two poses no more than 0.1 s apart: positions along a straight line, directions by slerp.
 inline std::optional<Pose> true_pose(const apso::Trajectory& truth, double t) {
-  const auto after = std::lower_bound(truth.begin(), truth.end(), t,
-                                      [](const apso::StampedPose& p, double stamp) { return p.timestamp < stamp; });
+  const auto after =
+      std::lower_bound(truth.begin(), truth.end(), t, [](const apso::StampedPose& p, double stamp) { return p.timestamp < stamp; });
   if (after == truth.end()) return std::nullopt;
   if (after->timestamp == t) return after->T_world_body;
   if (after == truth.begin()) return std::nullopt;

@@ -96,10 +96,10 @@ class Judge {
     if (!file_.is_open()) return;
     const apso::Matrix6& C = a.covariance;
     file_ << set << ',' << preset.name << ',' << p.step << ',' << mm << ',' << degrees << ',' << right << ',' << c << ','
-          << apso::to_string(a.status) << ',' << a.degenerate_count << ',' << a.valid_share << ',' << a.static_share << ','
-          << a.correlation << ',' << a.scale_intensity << ',' << a.scale_depth << ',' << a.cost << ',' << a.iterations << ','
-          << 1e3 * std::sqrt(C(0, 0) + C(1, 1) + C(2, 2)) << ',' << std::sqrt(C(3, 3) + C(4, 4) + C(5, 5)) / kDegree << ','
-          << normalised << '\n';
+          << apso::to_string(a.status) << ',' << a.degenerate_count << ',' << a.valid_share << ',' << a.static_share << ',' << a.correlation
+          << ',' << a.scale_intensity << ',' << a.scale_depth << ',' << a.cost << ',' << a.iterations << ','
+          << 1e3 * std::sqrt(C(0, 0) + C(1, 1) + C(2, 2)) << ',' << std::sqrt(C(3, 3) + C(4, 4) + C(5, 5)) / kDegree << ',' << normalised
+          << '\n';
   }
 
   /// \throws std::runtime_error when a line could not be written
@@ -117,8 +117,9 @@ class Judge {
 };
 
 void print_head() {
-  std::printf("| set | preset | pairs | right | called good, of these wrong | right but refused | open directions told | "
-              "normalised error of right results: mean, 95 %% |\n|---|---|---|---|---|---|---|---|\n");
+  std::printf(
+      "| set | preset | pairs | right | called good, of these wrong | right but refused | open directions told | "
+      "normalised error of right results: mean, 95 %% |\n|---|---|---|---|---|---|---|---|\n");
 }
 void print(const std::string& set, const Preset& preset, Row& r) {
   double mean = 0;
@@ -198,9 +199,9 @@ int run(int argc, char** argv) {
     std::vector<Row> rows(presets.size());
     for (int v = 0; v < views; ++v) {
       for (const double step : motions) {
-        const Pair p = source.planar ? pairs::make_planar_pair(source.scenery, seed * 1000 + static_cast<std::uint64_t>(v), step,
-                                                               synthetic, sensor)
-                                     : pairs::make_room_pair(maker, v, step, source.moving_share, sensor);
+        const Pair p = source.planar
+                           ? pairs::make_planar_pair(source.scenery, seed * 1000 + static_cast<std::uint64_t>(v), step, synthetic, sensor)
+                           : pairs::make_room_pair(maker, v, step, source.moving_share, sensor);
         for (std::size_t i = 0; i < presets.size(); ++i) judge(set, presets[i], synthetic, p, rows[i]);
       }
     }

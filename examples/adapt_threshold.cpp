@@ -1,7 +1,7 @@
 // Adaptive thresholds for your own scores: find a reference, then decide frame by frame. No image is read here.
+#include <apso/threshold.hpp>
 #include <cmath>
 #include <cstdio>
-#include <apso/threshold.hpp>
 
 int main() {
   int bad = 0;

@@ -16,12 +16,10 @@ constexpr double kDegrees = 57.29577951308232;
 
 void show(const char* name, const apso::Pose& T) {
   const Eigen::Vector3d t = T.translation();
-  std::printf("%-10s x %+.4f  y %+.4f  z %+.4f m   turned by %.3f deg\n", name, t.x(), t.y(), t.z(),
-              kDegrees * apso::rotation_angle(T));
+  std::printf("%-10s x %+.4f  y %+.4f  z %+.4f m   turned by %.3f deg\n", name, t.x(), t.y(), t.z(), kDegrees * apso::rotation_angle(T));
 }
 void show(const apso::PairAlignment<>& result) {
-  std::printf("%s after %d iterations, confidence %.2f\n", apso::to_string(result.status), result.detail.iterations,
-              result.confidence);
+  std::printf("%s after %d iterations, confidence %.2f\n", apso::to_string(result.status), result.detail.iterations, result.confidence);
   show("estimated", result.T_current_reference);
 }
 

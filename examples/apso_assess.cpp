@@ -67,8 +67,7 @@ std::string shown(double v, const char* format = "%.3f") {
 
 using Runs = std::vector<track::Run>;
 
-std::vector<apso::ScoredEvent> events(const Runs& runs, const Score& s,
-                                      const std::function<bool(const track::RunFrame&)>& event) {
+std::vector<apso::ScoredEvent> events(const Runs& runs, const Score& s, const std::function<bool(const track::RunFrame&)>& event) {
   std::vector<apso::ScoredEvent> e;
   for (const track::Run& run : runs) {
     for (const track::RunFrame& f : run.frames) {
@@ -103,8 +102,8 @@ json table_of_scores(const Runs& runs) {
     }
     const double r = apso::rank_correlation(x, y);
     const double r1 = apso::rank_correlation(x1, y1);
-    std::printf("%-15s %8s %8s %11s %11s %8zu\n", s.name.c_str(), shown(auc).c_str(), shown(auc_label).c_str(),
-                shown(r, "%+.2f").c_str(), shown(r1, "%+.2f").c_str(), of_failure.size());
+    std::printf("%-15s %8s %8s %11s %11s %8zu\n", s.name.c_str(), shown(auc).c_str(), shown(auc_label).c_str(), shown(r, "%+.2f").c_str(),
+                shown(r1, "%+.2f").c_str(), of_failure.size());
     rows.push_back({{"score", s.name},
                     {"frames", of_failure.size()},
                     {"auc_failure", number(auc)},
@@ -133,25 +132,22 @@ json decisions(const Runs& runs) {
       }
     }
   }
-  std::printf(
-      "\nBAD or LOST predicts failure: precision %s, recall %s, false alarms %s of the frames without failure\n",
-      shown(by_failure.precision()).c_str(), shown(by_failure.recall()).c_str(),
-      shown(by_failure.false_alarm_rate()).c_str());
+  std::printf("\nBAD or LOST predicts failure: precision %s, recall %s, false alarms %s of the frames without failure\n",
+              shown(by_failure.precision()).c_str(), shown(by_failure.recall()).c_str(), shown(by_failure.false_alarm_rate()).c_str());
   json j{{"failure",
           {{"precision", number(by_failure.precision())},
            {"recall", number(by_failure.recall())},
            {"false_alarm_rate", number(by_failure.false_alarm_rate())},
            {"failures", by_failure.hits + by_failure.misses}}}};
-  std::printf("flagged outside of labelled spans: %d of %d (%s)\n", by_label.false_alarms,
-              by_label.false_alarms + by_label.quiet, shown(by_label.false_alarm_rate()).c_str());
+  std::printf("flagged outside of labelled spans: %d of %d (%s)\n", by_label.false_alarms, by_label.false_alarms + by_label.quiet,
+              shown(by_label.false_alarm_rate()).c_str());
   j["outside"] = {{"frames", by_label.false_alarms + by_label.quiet},
                   {"flagged", by_label.false_alarms},
                   {"share", number(by_label.false_alarm_rate())}};
   if (!by_cause.empty()) {
     std::printf("flagged within labelled spans: %d of %d (%s)\n", by_label.hits, by_label.hits + by_label.misses,
                 shown(by_label.recall()).c_str());
-    j["inside"] = {
-        {"frames", by_label.hits + by_label.misses}, {"flagged", by_label.hits}, {"share", number(by_label.recall())}};
+    j["inside"] = {{"frames", by_label.hits + by_label.misses}, {"flagged", by_label.hits}, {"share", number(by_label.recall())}};
     for (const auto& [cause, c] : by_cause) {
       const int frames = c.hits + c.false_alarms + c.misses + c.quiet;
       const int flagged = c.hits + c.false_alarms;
@@ -165,8 +161,7 @@ json decisions(const Runs& runs) {
         "BAD frames with both poses: %d; mean error since the last GOOD frame %.4f m from features, %.4f m finally "
         "(%+.0f %%)\n",
         repaired, before / repaired, after / repaired, 100 * (after / before - 1));
-    j["bad_frames"] = {
-        {"count", repaired}, {"mean_error_features", before / repaired}, {"mean_error_final", after / repaired}};
+    j["bad_frames"] = {{"count", repaired}, {"mean_error_features", before / repaired}, {"mean_error_final", after / repaired}};
   }
   return j;
 }
@@ -186,8 +181,8 @@ json per_run(const Runs& runs) {
       label.add(f.flagged(), labelled(f));
     }
     std::printf("%-28s %7d %7d %9s %9s %9s %9s\n", run.name.c_str(), n, bad,
-                run.with_pose == 0 ? "lost" : shown(1e3 * run.median_rpe_1f, "%.2f").c_str(), shown(auc).c_str(), shown(label.recall()).c_str(),
-                shown(label.false_alarm_rate()).c_str());
+                run.with_pose == 0 ? "lost" : shown(1e3 * run.median_rpe_1f, "%.2f").c_str(), shown(auc).c_str(),
+                shown(label.recall()).c_str(), shown(label.false_alarm_rate()).c_str());
     rows.push_back({{"run", run.name},
                     {"frames", n},
                     {"failed", bad},
@@ -214,8 +209,8 @@ void plot_roc(const fs::path& file, const Runs& runs) {
     std::vector<std::vector<double>> rows;
     for (const auto& p : curve) rows.push_back({p.false_positive_rate, p.true_positive_rate});
     data.push_back(rows);
-    plots += ", '-' using 1:2 with lines lw " + std::string(data.size() == 1 ? "3" : "1.3") + " title '" + s.name +
-             " (" + shown(apso::area_under(curve), "%.2f") + ")'";
+    plots += ", '-' using 1:2 with lines lw " + std::string(data.size() == 1 ? "3" : "1.3") + " title '" + s.name + " (" +
+             shown(apso::area_under(curve), "%.2f") + ")'";
   }
   g("plot [0:1][0:1] " + plots);
   for (const auto& rows : data) g.data(rows);
@@ -300,7 +295,8 @@ int run(const Arguments& a) {
     try {
       track::Run run = track::read_run(f.substr(0, eq), eq == std::string::npos ? "" : f.substr(eq + 1), a.factor);
       if (run.frames.empty()) throw apso::io_error(f + ": frames.csv holds no frame");
-      if (!run.compared) problem(f + ": no frame can be compared with the ground truth, as the stamps do not meet or the numbers are too large");
+      if (!run.compared)
+        problem(f + ": no frame can be compared with the ground truth, as the stamps do not meet or the numbers are too large");
       runs.push_back(std::move(run));
     } catch (const std::exception& e) {
       problem(std::string(e.what()) + "; not in the table");
@@ -329,9 +325,10 @@ int main(int argc, char** argv) {
       "--no-refinement to judge the prediction, runs with refinement to judge the correction.\n"
       "Exit code: 0 done, 1 bad input (the table holds what can be read), 2 wrong usage."};
   app.set_version_flag("--version", APSO_VERSION);
-  app.add_option("RUN", a.folders, "result folders of apso_track; FOLDER=FILE takes the ground truth from FILE")
-      ->required();
-  app.add_option("--output", a.output, "folder for assess.json, roc.png, reliability.png, timeline.png")->required()->check(track::not_empty());
+  app.add_option("RUN", a.folders, "result folders of apso_track; FOLDER=FILE takes the ground truth from FILE")->required();
+  app.add_option("--output", a.output, "folder for assess.json, roc.png, reliability.png, timeline.png")
+      ->required()
+      ->check(track::not_empty());
   app.add_option("--failure-factor", a.factor,
                  "a frame counts as failed if it is lost or its 1-frame error exceeds this multiple of the run's median")
       ->check(track::number_in(1e-9, 1e9))

@@ -80,8 +80,7 @@ void append_samples(const std::vector<track::Run>& runs, bool by_error, std::vec
   }
 }
 
-std::vector<double> final_scores(const std::vector<apso::CalibrationSample>& samples, const apso::AssessorOptions& o,
-                                 bool hard) {
+std::vector<double> final_scores(const std::vector<apso::CalibrationSample>& samples, const apso::AssessorOptions& o, bool hard) {
   apso::SceneDecision decision(o.decision);
   std::vector<double> scores;
   for (const apso::CalibrationSample& s : samples) {
@@ -93,15 +92,15 @@ std::vector<double> final_scores(const std::vector<apso::CalibrationSample>& sam
 
 double share_below(const std::vector<double>& v, double limit) {
   if (v.empty()) return track::kNone;
-  return static_cast<double>(std::count_if(v.begin(), v.end(), [&](double x) { return x < limit; })) /
-         static_cast<double>(v.size());
+  return static_cast<double>(std::count_if(v.begin(), v.end(), [&](double x) { return x < limit; })) / static_cast<double>(v.size());
 }
 
 /// Throws io_error when the output is an input, or a file that apso_calibrate did not write.
 void check_output(const Arguments& a) {
   std::vector<track::Input> inputs{{"--config", a.config}};
   for (const auto* list : {&a.calm, &a.hard}) {
-    for (const std::string& s : *list) inputs.push_back({"a recording or a run", track::parse_sequence(s.substr(0, s.find('='))).arguments.front()});
+    for (const std::string& s : *list)
+      inputs.push_back({"a recording or a run", track::parse_sequence(s.substr(0, s.find('='))).arguments.front()});
   }
   track::keep_apart(a.output, inputs);
   for (const track::Input& in : inputs) {  // finished runs may well be in the folder of runs
@@ -126,9 +125,7 @@ void write_config(const std::string& file, const Arguments& a, const track::Conf
   track::write_file(file, out.str());
 }
 
-void tell(const std::string& what, double before, double after) {
-  std::printf("%-36s %8.4f -> %8.4f\n", what.c_str(), before, after);
-}
+void tell(const std::string& what, double before, double after) { std::printf("%-36s %8.4f -> %8.4f\n", what.c_str(), before, after); }
 
 /// All numbers among some options, by their names.
 class Numbers {
@@ -167,8 +164,7 @@ int run(const Arguments& a) {
   append_samples(calm_runs, false, calm);
   std::vector<apso::CalibrationSample> all = calm;
   append_samples(hard_runs, true, all);
-  if (calm.empty())
-    throw apso::io_error("no frame with a decision in the calm sequences; they must be longer than the initialisation");
+  if (calm.empty()) throw apso::io_error("no frame with a decision in the calm sequences; they must be longer than the initialisation");
 
   if (!a.keep_scales) {
     const apso::AssessorOptions before = o;
@@ -211,16 +207,14 @@ int main(int argc, char** argv) {
       "'recording,camera=tum-fr1,max-frames=300' or 'synthetic:static_xyz,seed=7', or is a result folder of apso_track.\n"
       "Exit code: 0 done, 1 bad input, 2 wrong usage."};
   app.set_version_flag("--version", APSO_VERSION);
-  app.add_option("SEQUENCE", a.calm,
-                 "calm recordings without people, with typical camera motion: they determine the scales and th_differ")
+  app.add_option("SEQUENCE", a.calm, "calm recordings without people, with typical camera motion: they determine the scales and th_differ")
       ->required();
   app.add_option("--output", a.output, "configuration file to write (YAML)")->required()->check(track::not_empty());
   app.add_option("--hard", a.hard, "recordings with ground truth in which tracking fails at times, for --fit-weights");
   app.add_flag("--fit-weights", a.fit_weights, "fit the weights of the scores to predict failure");
   app.add_flag("--keep-scales", a.keep_scales, "do not change the scales of the change scores");
   app.add_option("--config", a.config, "configuration to start from");
-  app.add_option("--work", a.work,
-                 "folder for the runs (default: OUTPUT.runs); finished runs in it are reused");
+  app.add_option("--work", a.work, "folder for the runs (default: OUTPUT.runs); finished runs in it are reused");
   app.add_option("--jobs", a.jobs, "number of parallel runs")->check(CLI::Range(1, 256))->capture_default_str();
   app.callback([&] {
     if (a.fit_weights && a.hard.empty()) throw CLI::RequiredError("--fit-weights needs --hard");

@@ -134,7 +134,7 @@ struct SequenceText {
   std::string folder;  ///< with the prefix if it is synthetic
   bool synthetic = false;
   std::string camera;
-  std::string masks;   ///< empty: none
+  std::string masks;  ///< empty: none
 };
 
 struct Sequence {
@@ -221,7 +221,8 @@ std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track
   if (judged == 0) throw apso::io_error(s.name + ": no true mask is named by the timestamp of a frame");
   if (skipped > 0) std::fprintf(stderr, "warning: %s: %d of %d frames skipped, e.g. %s\n", s.name.c_str(), skipped, total, problem.c_str());
   if (judged < total - skipped) {
-    std::fprintf(stderr, "warning: %s: %d of %d frames have a true mask, the others are not judged\n", s.name.c_str(), judged, total - skipped);
+    std::fprintf(stderr, "warning: %s: %d of %d frames have a true mask, the others are not judged\n", s.name.c_str(), judged,
+                 total - skipped);
   }
   const bool evaluated = !s.source->groundtruth().empty() && total > 20 && !a.reverse;
   std::vector<track::MotionScore> scores;
@@ -233,7 +234,8 @@ std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track
     r->score.ms /= std::max(1, r->score.frames);
     scores.push_back(r->score);
   }
-  if (evaluated && scores.front().ate < 0) std::fprintf(stderr, "warning: %s: the ground truth cannot be compared, no ATE\n", s.name.c_str());
+  if (evaluated && scores.front().ate < 0)
+    std::fprintf(stderr, "warning: %s: the ground truth cannot be compared, no ATE\n", s.name.c_str());
   return scores;
 }
 
@@ -246,7 +248,8 @@ int run_all(const Arguments& a) {
     if (!a.csv.empty()) track::write_file(a.csv, csv.str());
   };
   for (const SequenceText& s : sequences) {
-    if (!a.csv.empty()) track::keep_apart(a.csv, {{"the recording", s.folder}, {"a folder of true masks", s.masks}, {"--config", a.config}});
+    if (!a.csv.empty())
+      track::keep_apart(a.csv, {{"the recording", s.folder}, {"a folder of true masks", s.masks}, {"--config", a.config}});
   }
   write_csv();  // tells now whether it can be written
   std::vector<track::MeasuredSequence> all;
@@ -254,14 +257,16 @@ int run_all(const Arguments& a) {
     Sequence s = open(text, a);
     track::MeasuredSequence m;
     m.name = s.name;
-    m.kind = s.synthetic == nullptr ? track::SequenceKind::Recorded : s.name.rfind("walking", 0) == 0 ? track::SequenceKind::Walking : track::SequenceKind::Static;
+    m.kind = s.synthetic == nullptr            ? track::SequenceKind::Recorded
+             : s.name.rfind("walking", 0) == 0 ? track::SequenceKind::Walking
+                                               : track::SequenceKind::Static;
     m.scores = run(s, a, config);
     track::print_table(m.name, a.policies, m.scores);
     for (std::size_t i = 0; i < m.scores.size(); ++i) {
       const track::MotionScore& c = m.scores[i];
       const double n = std::max(1, c.with_people);
-      csv << m.name << ',' << a.policies[i] << ',' << c.frames << ',' << c.with_people << ',' << c.iou / n << ',' << c.recall / n
-          << ',' << c.false_share / std::max(1, c.frames) << ',' << c.worst << ',' << c.ate << ',' << c.ms << '\n';
+      csv << m.name << ',' << a.policies[i] << ',' << c.frames << ',' << c.with_people << ',' << c.iou / n << ',' << c.recall / n << ','
+          << c.false_share / std::max(1, c.frames) << ',' << c.worst << ',' << c.ate << ',' << c.ms << '\n';
     }
     write_csv();  // what is computed is kept, whatever happens next
     all.push_back(std::move(m));
@@ -280,8 +285,10 @@ int main(int argc, char** argv) {
       "and CPU time per frame. Prints Markdown tables. Exit code: 0 done, 1 bad input, 2 wrong usage.\n"
       "In addition to the policies of apso_track there are 'truth' (the true mask) and 'boxes' (boxes of the true instances)."};
   app.set_version_flag("--version", APSO_VERSION);
-  app.add_option("SEQUENCE", a.sequences, "synthetic:NAME, FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with true masks named by timestamp\n"
-                                          "(cameras: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim)")->required();
+  app.add_option("SEQUENCE", a.sequences,
+                 "synthetic:NAME, FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with true masks named by timestamp\n"
+                 "(cameras: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim)")
+      ->required();
   app.add_option("--policies", a.policies, "policy expressions, separated by commas, see docs/observation.md")
       ->delimiter(',')
       ->allow_extra_args(false)

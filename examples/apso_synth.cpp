@@ -69,9 +69,10 @@ int run(const std::string& name, const std::string& output, const apso::testing:
   apso::write_trajectory(out.file("groundtruth.txt").string(), truth);
   write_camera(out.file("camera.yaml"), name, sequence.camera());
   out.finish();
-  std::printf("%d frames in %s: rgb/, depth/ (16 bit, %.0f units per metre), masks/ (255 = a person), groundtruth.txt\n"
-              "track them: apso_track %s --camera %s --output DIR\n",
-              sequence.size(), output.c_str(), depth_scale, output.c_str(), (fs::path(output) / "camera.yaml").string().c_str());
+  std::printf(
+      "%d frames in %s: rgb/, depth/ (16 bit, %.0f units per metre), masks/ (255 = a person), groundtruth.txt\n"
+      "track them: apso_track %s --camera %s --output DIR\n",
+      sequence.size(), output.c_str(), depth_scale, output.c_str(), (fs::path(output) / "camera.yaml").string().c_str());
   return 0;
 }
 
@@ -82,11 +83,14 @@ int main(int argc, char** argv) {
   std::string name;
   std::string output;
   bool quiet = false;
-  CLI::App app{"Writes a synthetic RGB-D recording as a folder in TUM format, with true masks and ground truth.\n"
-               "Exit code: 0 done, 1 bad input, 2 wrong usage."};
+  CLI::App app{
+      "Writes a synthetic RGB-D recording as a folder in TUM format, with true masks and ground truth.\n"
+      "Exit code: 0 done, 1 bad input, 2 wrong usage."};
   app.set_version_flag("--version", APSO_VERSION);
   app.add_option("NAME", name, "what to record")->required()->check(CLI::IsMember(apso::testing::SyntheticSequence::names()));
-  app.add_option("--output", output, "folder for the recording; one that apso_synth made before is replaced")->required()->check(track::not_empty());
+  app.add_option("--output", output, "folder for the recording; one that apso_synth made before is replaced")
+      ->required()
+      ->check(track::not_empty());
   app.add_option("--frames", options.frames, "length at 30 Hz")->check(CLI::Range(1, 1000000))->capture_default_str();
   app.add_option("--seed", options.seed, "room, people, path and noise depend on it")->capture_default_str();
   app.add_option("--people", options.people, "walking people, in recordings named walking_*")

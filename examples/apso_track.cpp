@@ -75,10 +75,11 @@ class Run {
   track::LoadedFrame frame_;
   cv::Mat mask_;
   cv::Mat mask_out_;
-  apso::Image<float> soft_;   ///< the mask, softened
+  apso::Image<float> soft_;  ///< the mask, softened
 };
 
-Run::Run(const Arguments& a, std::string command) : a_(a), command_(std::move(command)), options_(track::read_config(a.config)), progress_(!a.quiet) {
+Run::Run(const Arguments& a, std::string command)
+    : a_(a), command_(std::move(command)), options_(track::read_config(a.config)), progress_(!a.quiet) {
   if (a_.motion == "none") options_.pipeline.motion = false;
   if (a_.no_refinement) options_.pipeline.refine = apso::RefinedFrames::None;
 
@@ -92,7 +93,8 @@ Run::Run(const Arguments& a, std::string command) : a_(a), command_(std::move(co
   if (!a_.policy_reads_files()) {
     if (!a_.masks.empty()) masks_ = std::make_unique<track::MaskFolder>(a_.masks);
     const apso::Pinhole& camera = source_->camera();
-    if (!a_.detections.empty()) detections_ = std::make_unique<apso::DetectionLog>(a_.detections, camera.width, camera.height, files.classes);
+    if (!a_.detections.empty())
+      detections_ = std::make_unique<apso::DetectionLog>(a_.detections, camera.width, camera.height, files.classes);
   }
   for (const std::string& w : source_->warnings()) std::fprintf(stderr, "warning: %s\n", w.c_str());
   if (!a_.spoil.empty() && total_ <= track::DegradedSource::first) {
@@ -136,8 +138,8 @@ void Run::process(int i) {
   const auto* objects = detections_ ? &detections_->at(frame.timestamp) : nullptr;
   apso::ImageView<const std::uint8_t> labels;
   if (!mask_.empty()) labels = apso::opencv::as_image<std::uint8_t>(mask_);
-  const apso::Observation& observation = pipeline.observe(frame.rgbd, prior.T_world_camera, tracker.tracks(), objects,
-                                                          labels.empty() ? nullptr : &labels);
+  const apso::Observation& observation =
+      pipeline.observe(frame.rgbd, prior.T_world_camera, tracker.tracks(), objects, labels.empty() ? nullptr : &labels);
   ms.observe = watch.lap();
 
   const apso::StaticSupport support = apso::static_support(observation.mask.probability, tracker.keypoints());
@@ -202,8 +204,8 @@ void Run::write() {
 
   overlays_->finish();
   const bool evaluated = summary.contains("final") && summary["final"].is_object();
-  const track::PlottedRun plotted = track::plotted_run(report::sequence_name(a_.sequence), record_.reports, evaluated ? truth : apso::Trajectory{},
-                                                       record_.feature_poses, record_.final_poses);
+  const track::PlottedRun plotted = track::plotted_run(report::sequence_name(a_.sequence), record_.reports,
+                                                       evaluated ? truth : apso::Trajectory{}, record_.feature_poses, record_.final_poses);
   for (const char* format : {".png", ".svg"}) {
     track::plot_trajectory(out_->file(std::string("trajectory") + format), plotted);
     track::plot_scores(out_->file(std::string("scores") + format), plotted);
@@ -211,7 +213,8 @@ void Run::write() {
   track::write_overview(*out_);
   const fs::path page = a_.report && !record_.reports.empty() ? out_->file("report.html") : fs::path();
   track::write_json(out_->file("summary.json"), summary);  // last: a folder with it is complete
-  if (!page.empty()) report::write(page, {out_->unfinished()}, report::default_megabytes, fs::path(a_.output).lexically_normal().filename());
+  if (!page.empty())
+    report::write(page, {out_->unfinished()}, report::default_megabytes, fs::path(a_.output).lexically_normal().filename());
   out_->finish();
   tell(summary);
 }
@@ -231,12 +234,14 @@ void Run::tell(const json& summary) const {
   }
   if (!a_.detections.empty()) std::printf("detections: %d of %zu frames have some\n", record_.use.detections, frames);
   if (summary.contains("final") && summary["final"].is_object()) {
-    std::printf("ATE rmse %.4f m over %zu pairs", summary["final"]["ate"]["rmse"].get<double>(), summary["final"]["pairs"].get<std::size_t>());
+    std::printf("ATE rmse %.4f m over %zu pairs", summary["final"]["ate"]["rmse"].get<double>(),
+                summary["final"]["pairs"].get<std::size_t>());
     const json& features = summary["features"];
     if (features.is_object()) std::printf("; feature poses alone %.4f m", features["ate"]["rmse"].get<double>());
     std::printf("\n");
   } else if (summary.contains("evaluation_problem")) {
-    std::printf("the errors are not known: the ground truth cannot be compared: %s\n", summary["evaluation_problem"].get<std::string>().c_str());
+    std::printf("the errors are not known: the ground truth cannot be compared: %s\n",
+                summary["evaluation_problem"].get<std::string>().c_str());
   }
   const bool none_rated = frames > 0 && record_.in_state(apso::SceneState::Initialising) == static_cast<int>(frames);
   if (none_rated && track::stamp_problem(source_->timestamps()).empty()) {

@@ -10,7 +10,7 @@
 
 int main() {
   // [evaluate]
-  std::vector<std::pair<double, Eigen::Isometry3d>> truth;    // seconds, T_world_camera
+  std::vector<std::pair<double, Eigen::Isometry3d>> truth;  // seconds, T_world_camera
   std::vector<std::pair<double, Eigen::Isometry3d>> estimate;
   const Eigen::Isometry3d T_other_world = Eigen::Translation3d(5, 0, 1) * Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitZ());
   for (int i = 0; i < 200; ++i) {

@@ -13,8 +13,8 @@ int main() {
   for (int i = 0; i < 20; ++i) {
     sequence.render(i, image);
     const auto now = apso::frame(image.timestamp, image.intensity, image.depth, sequence.camera());
-    motion.observe(now, image.T_world_camera, apso::none, mask);   // a guess of the pose; no tracks
-    motion.remember(now, image.T_world_camera, mask);              // the final pose
+    motion.observe(now, image.T_world_camera, apso::none, mask);  // a guess of the pose; no tracks
+    motion.remember(now, image.T_world_camera, mask);             // the final pose
   }
   std::printf("%.1f %% of the image moves\n", 100 * apso::dynamic_ratio(mask));
   // [/motion]

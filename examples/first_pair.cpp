@@ -30,13 +30,11 @@ int main() {
   pinhole.width = 640;
   pinhole.height = 480;
   const auto frame = [&](double seconds, const SensorFrame& f) {
-    return apso::frame(seconds, Grey(f.grey.data(), 640, 480),
-                       apso::scaled(Depth(f.millimetres.data(), 640, 480), 0.001F), pinhole);
+    return apso::frame(seconds, Grey(f.grey.data(), 640, 480), apso::scaled(Depth(f.millimetres.data(), 640, 480), 0.001F), pinhole);
   };
   const auto result = apso::align(frame(0.0, first), frame(0.17, second));
   const Eigen::Vector3d t = result.T_current_reference.translation();
-  std::printf("%s: moved by %.3f %.3f %.3f m, confidence %.2f\n", apso::to_string(result.status), t.x(), t.y(), t.z(),
-              result.confidence);
+  std::printf("%s: moved by %.3f %.3f %.3f m, confidence %.2f\n", apso::to_string(result.status), t.x(), t.y(), t.z(), result.confidence);
   // [/align]
 
   const apso::Pose truth = apso::inverse(T_world_second) * T_world_first;

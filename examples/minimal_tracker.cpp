@@ -2,8 +2,8 @@
 //
 //   minimal_tracker FOLDER CAMERA TRAJECTORY      e.g. minimal_tracker fr3_walking_xyz tum-fr3 trajectory.txt
 //
-// FOLDER holds rgb.txt and depth.txt, or associations.txt. CAMERA is tum-fr1, tum-fr2, tum-fr3, bonn or icl-nuim, or numbers without distortion:
-// fx,fy,cx,cy,depth units per metre. TRAJECTORY is written: timestamp tx ty tz qx qy qz qw.
+// FOLDER holds rgb.txt and depth.txt, or associations.txt. CAMERA is tum-fr1, tum-fr2, tum-fr3, bonn or icl-nuim, or numbers without
+// distortion: fx,fy,cx,cy,depth units per metre. TRAJECTORY is written: timestamp tx ty tz qx qy qz qw.
 #include <cstdint>
 #include <cstdio>
 #include <exception>

@@ -18,8 +18,8 @@ int main() {
   // [rectify]
   const apso::Rectifier rectifier(apso::camera_by_name("tum-fr1"), 640, 480);  // or your type with camera_traits
   apso::Image<float> intensity, depth;
-  rectifier.intensity(my_grey, intensity);                    // for each frame
-  rectifier.depth(apso::scaled(my_depth, 0.001F), depth);     // millimetres
+  rectifier.intensity(my_grey, intensity);                 // for each frame
+  rectifier.depth(apso::scaled(my_depth, 0.001F), depth);  // millimetres
   const auto frame = apso::frame(timestamp, intensity, depth, rectifier.pinhole());
   // [/rectify]
 

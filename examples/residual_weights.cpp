@@ -42,8 +42,7 @@ int main(int argc, char** argv) {
   cv::Mat images[4];
   for (int i = 0; i < 4; ++i) {
     images[i] = cv::imread(argv[i + 1], i % 2 == 0 ? cv::IMREAD_GRAYSCALE : cv::IMREAD_UNCHANGED);
-    if (images[i].empty() || images[i].type() != (i % 2 == 0 ? CV_8U : CV_16U) ||
-        images[i].size() != images[0].size()) {
+    if (images[i].empty() || images[i].type() != (i % 2 == 0 ? CV_8U : CV_16U) || images[i].size() != images[0].size()) {
       std::fprintf(stderr, "residual_weights: cannot use %s: expected %s image of the size of the first\n", argv[i + 1],
                    i % 2 == 0 ? "an" : "a 16-bit");
       return 1;
@@ -55,8 +54,8 @@ int main(int argc, char** argv) {
                        apso::scaled(apso::opencv::as_image<std::uint16_t>(depth), 1 / 5000.F), camera);
   };
   const auto found = apso::align(frame(0, images[0], images[1]), frame(1, images[2], images[3]));
-  std::printf("%s, confidence %.2f, %.0f %% of the view is taken as static\n", apso::to_string(found.status),
-              found.confidence, 100 * found.detail.static_share);
+  std::printf("%s, confidence %.2f, %.0f %% of the view is taken as static\n", apso::to_string(found.status), found.confidence,
+              100 * found.detail.static_share);
 
   const apso::Pinhole half = apso::reduced_camera(camera, kFactor);
   const apso::SmallFrame past = small_frame(images[0], images[1], camera);

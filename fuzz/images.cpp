@@ -29,7 +29,8 @@ struct Recording {
 // A picture in which a few numbers are enough to say that it has a million pixels is skipped: it is slow, not wrong.
 bool large(const std::uint8_t* data, std::size_t size) {
   if (size < 26) return false;
-  if (data[0] == 0x89 && data[1] == 'P') return data[16] != 0 || data[17] != 0 || data[18] > 2 || data[20] != 0 || data[21] != 0 || data[22] > 2;
+  if (data[0] == 0x89 && data[1] == 'P')
+    return data[16] != 0 || data[17] != 0 || data[18] > 2 || data[20] != 0 || data[21] != 0 || data[22] > 2;
   return false;
 }
 }  // namespace

@@ -22,8 +22,10 @@ void check(const std::string& path, const Read& read, const Stamp& stamp) {
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static fuzz::MemoryFile file;
   const std::string& path = file.write(data, size);
-  check(path, [](const std::string& p) { return apso::read_file_list(p); }, [](const apso::FileListEntry& e) { return e.timestamp; });
-  check(path, [](const std::string& p) { return apso::read_associations(p); },
-        [](const apso::ImageAssociation& a) { return a.rgb_timestamp; });
+  check(
+      path, [](const std::string& p) { return apso::read_file_list(p); }, [](const apso::FileListEntry& e) { return e.timestamp; });
+  check(
+      path, [](const std::string& p) { return apso::read_associations(p); },
+      [](const apso::ImageAssociation& a) { return a.rgb_timestamp; });
   return 0;
 }

@@ -8,7 +8,7 @@
 #include <new>
 
 namespace counting {
-inline std::atomic<std::size_t> allocations{0};        // since the program began
+inline std::atomic<std::size_t> allocations{0};  // since the program began
 inline std::atomic<std::size_t> bytes{0};
 inline std::atomic<std::size_t> large_allocations{0};  // those of at least `large` bytes
 inline std::atomic<std::size_t> large_bytes{0};

@@ -96,7 +96,7 @@ struct Box2d {
   int left = 0, top = 0, right = 0, bottom = 0;  // [px], right and bottom are outside
   int percent = 0;                               // confidence
   std::uint8_t label = 0;
-  std::vector<std::uint8_t> silhouette;          // of the whole image, empty = none
+  std::vector<std::uint8_t> silhouette;  // of the whole image, empty = none
   int image_width = 0, image_height = 0;
 };
 
@@ -139,9 +139,7 @@ template <>
 struct apso::pose_traits<foreign::DualQuaternionPose> {
   using scalar = double;
   static Eigen::Matrix3d rotation(const foreign::DualQuaternionPose& T) { return T.real.toRotationMatrix(); }
-  static Eigen::Vector3d translation(const foreign::DualQuaternionPose& T) {
-    return 2.0 * (T.dual * T.real.conjugate()).vec();
-  }
+  static Eigen::Vector3d translation(const foreign::DualQuaternionPose& T) { return 2.0 * (T.dual * T.real.conjugate()).vec(); }
   static foreign::DualQuaternionPose make(const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
     foreign::DualQuaternionPose T;
     T.real = Eigen::Quaterniond(R);
@@ -153,9 +151,7 @@ template <>
 struct apso::pose_traits<foreign::RowMajor3x4Pose> {
   using scalar = float;
   using RowMajor = Eigen::Matrix<float, 3, 4, Eigen::RowMajor>;
-  static Eigen::Matrix3f rotation(const foreign::RowMajor3x4Pose& T) {
-    return Eigen::Map<const RowMajor>(T.m.data()).leftCols<3>();
-  }
+  static Eigen::Matrix3f rotation(const foreign::RowMajor3x4Pose& T) { return Eigen::Map<const RowMajor>(T.m.data()).leftCols<3>(); }
   static Eigen::Vector3f translation(const foreign::RowMajor3x4Pose& T) { return Eigen::Map<const RowMajor>(T.m.data()).col(3); }
   static foreign::RowMajor3x4Pose make(const Eigen::Matrix3f& R, const Eigen::Vector3f& t) {
     foreign::RowMajor3x4Pose T;
@@ -293,8 +289,8 @@ inline std::vector<Corner> corners(const std::vector<apso::Keypoint>& keypoints)
 inline std::list<Feature> features(const std::vector<apso::PointTrack>& tracks) {
   std::list<Feature> list;
   for (const apso::PointTrack& t : tracks) {
-    list.push_back({static_cast<std::uint32_t>(t.id), {t.x, t.y}, {t.x - t.previous_x, t.y - t.previous_y},
-                    static_cast<unsigned>(t.age + 1)});
+    list.push_back(
+        {static_cast<std::uint32_t>(t.id), {t.x, t.y}, {t.x - t.previous_x, t.y - t.previous_y}, static_cast<unsigned>(t.age + 1)});
   }
   return list;
 }

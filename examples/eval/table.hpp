@@ -31,16 +31,11 @@ inline double improvement(double baseline, double value) { return 100 * (baselin
 inline std::string latex_text(const std::string& text) {
   std::string out;
   for (const char c : text) {
-    if (c == '\\')
-      out += "\\textbackslash{}";
-    else if (c == '~')
-      out += "\\textasciitilde{}";
-    else if (c == '^')
-      out += "\\textasciicircum{}";
-    else if (std::string("&%$#_{}").find(c) != std::string::npos)
-      out += std::string("\\") + c;
-    else
-      out += std::iscntrl(static_cast<unsigned char>(c)) != 0 ? '?' : c;
+    if (c == '\\') out += "\\textbackslash{}";
+    else if (c == '~') out += "\\textasciitilde{}";
+    else if (c == '^') out += "\\textasciicircum{}";
+    else if (std::string("&%$#_{}").find(c) != std::string::npos) out += std::string("\\") + c;
+    else out += std::iscntrl(static_cast<unsigned char>(c)) != 0 ? '?' : c;
   }
   return out;
 }

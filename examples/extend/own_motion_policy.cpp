@@ -77,8 +77,7 @@ int main() {
   sequence().render(22, image);
   const double inside = pipeline.observe(image.rgbd(), image.T_world_camera).dynamic_ratio;
 
-  std::printf("alone %.4f, geometric %.4f, either %.4f, by name %.4f, in the pipeline %.4f\n", alone, geometric, either, by_name,
-              inside);
+  std::printf("alone %.4f, geometric %.4f, either %.4f, by name %.4f, in the pipeline %.4f\n", alone, geometric, either, by_name, inside);
   const bool joined = either >= alone && either >= geometric && either < alone + geometric + 1e-9;
   return alone > 0 && geometric > 0 && joined && by_name == either && std::abs(inside - alone) < 1e-12 ? 0 : 1;
 }

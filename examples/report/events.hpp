@@ -34,7 +34,8 @@ inline std::string state_event(const track::Run& run, std::size_t first, std::si
     }
   }
   text += ", " + std::to_string(repaired) + " with a refined pose";
-  for (const auto& [status, n] : failures) text += ", " + std::to_string(n) + " not refined (" + (status == "Converged" ? "aligned, but not trusted" : status) + ")";
+  for (const auto& [status, n] : failures)
+    text += ", " + std::to_string(n) + " not refined (" + (status == "Converged" ? "aligned, but not trusted" : status) + ")";
   return text;
 }
 
@@ -85,11 +86,13 @@ inline nlohmann::json events(const track::Run& run, const nlohmann::json& skippe
       while (last < n && run.frames[last].state == f.state) ++last;
       add(i, f.timestamp, f.state.c_str(), state_event(run, i, last));
     }
-    if (run.at(f, "benchmark_updated") == 1 && (i == 0 || !follows_update(run, i))) add(i, f.timestamp, "reference", reference_event(run, i));
+    if (run.at(f, "benchmark_updated") == 1 && (i == 0 || !follows_update(run, i)))
+      add(i, f.timestamp, "reference", reference_event(run, i));
     const auto begins = [&](const char* column) { return run.at(f, column) == 1 && (before == nullptr || run.at(*before, column) != 1); };
     if (begins("degraded")) add(i, f.timestamp, "reference", "the reference is poor from here on");
     const std::string label_before = before == nullptr ? "" : before->label;
-    if (f.label != label_before) add(i, f.timestamp, "difficulty", f.label.empty() ? "end of " + label_before : "known difficulty: " + f.label);
+    if (f.label != label_before)
+      add(i, f.timestamp, "difficulty", f.label.empty() ? "end of " + label_before : "known difficulty: " + f.label);
   }
   for (const json& s : skipped) {
     const double time = s.at("timestamp").get<double>();

@@ -84,7 +84,8 @@ inline void refuse_foreign(const std::filesystem::path& file) {
   std::string begin(400, '\0');
   std::ifstream in(file, std::ios::binary);
   in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
-  if (fs::is_regular_file(fs::symlink_status(file)) && begin.find("name=\"generator\" content=\"apso_report\"") != std::string::npos) return;
+  if (fs::is_regular_file(fs::symlink_status(file)) && begin.find("name=\"generator\" content=\"apso_report\"") != std::string::npos)
+    return;
   throw apso::io_error(file.string() + ": is there and is no report of apso; remove it or take another name");
 }
 

@@ -18,8 +18,8 @@ struct Variant {
   std::string name;
   std::string meaning;
   std::vector<std::pair<std::string, std::string>> settings;  ///< path of a field and its value
-  std::string without;  ///< path of a weight that is given to the others of its group; empty: none
-  bool paper = false;   ///< begins with paper_options() instead of the settings given
+  std::string without;                                        ///< path of a weight that is given to the others of its group; empty: none
+  bool paper = false;                                         ///< begins with paper_options() instead of the settings given
 };
 
 /// The variants that are the same for all settings to start from.
@@ -40,7 +40,10 @@ inline std::vector<Variant> fixed_variants() {
       {"joint_scale", "one scale for both kinds of residual", {{refiner("alignment.coupling"), "joint"}}, ""},
       {"alpha_inside", "alpha inside the kernel, as printed", {{refiner("alignment.alpha_place"), "inside"}}, ""},
       {"no_illumination", "brightness changes are not estimated", {{refiner("alignment.illumination"), "false"}}, ""},
-      {"printed_blend", "blend by w_diff alone, as printed", {{refiner("blend.form"), "screw_linear"}, {refiner("blend.weight"), "printed"}}, ""},
+      {"printed_blend",
+       "blend by w_diff alone, as printed",
+       {{refiner("blend.form"), "screw_linear"}, {refiner("blend.weight"), "printed"}},
+       ""},
       {"no_motion", "nothing is masked", {{"pipeline.motion", "false"}}, ""},
       {"no_change", "S_final = S_total", {{decision("w_base"), "1"}, {decision("a"), "0"}, {decision("w_dyn"), "1"}}, ""},
       {"no_sharpness", "S_feature from keypoints alone", {{assessor("feature.sharpness"), "false"}}, ""},
@@ -49,9 +52,14 @@ inline std::vector<Variant> fixed_variants() {
       {"no_dynamic_scenario", "dynamic scenario off", {{decision("th_dynamic"), "1"}}, ""},
       {"no_object_boost", "scenario of confident objects off", {{decision("boost_object"), "0"}}, ""},
       {"no_hand_over", "a reference is not handed on", {{assessor("benchmark.hand_over"), "false"}}, ""},
-      {"ratchet", "benchmark update as printed",
-       {{assessor("benchmark.hand_over"), "false"}, {assessor("benchmark.half_life"), ".inf"}, {assessor("benchmark.max_age"), ".inf"}}, ""},
-      {"number_only", "a better frame updates the number of the benchmark alone, as printed", {{assessor("benchmark.update"), "number_only"}}, ""},
+      {"ratchet",
+       "benchmark update as printed",
+       {{assessor("benchmark.hand_over"), "false"}, {assessor("benchmark.half_life"), ".inf"}, {assessor("benchmark.max_age"), ".inf"}},
+       ""},
+      {"number_only",
+       "a better frame updates the number of the benchmark alone, as printed",
+       {{assessor("benchmark.update"), "number_only"}},
+       ""},
       {"literal_polarity", "S_change raises S_final, as printed", {{decision("polarity"), "literal"}}, ""},
       {"cumulative_base", "W_base falls from frame to frame, as printed", {{decision("base_weight"), "cumulative"}}, ""},
       {"literal_thresholds", "th_s by the printed recursion", {{assessor("initialisation.quality_threshold"), "literal"}}, ""},
@@ -80,8 +88,8 @@ inline std::vector<Variant> variants() {
   apso::for_each_score(apso::Assessment{}, [&](const char* name, auto&&...) { names.emplace_back(name); });
   std::size_t next = 0;
   for (const apso::Parameter& p : apso::list_parameters(Config{})) {
-    for (const auto& [group, sum] : {std::pair("pipeline.assessor.frame_weights.", "S_total"),
-                                     std::pair("pipeline.assessor.change_weights.", "S_change")}) {
+    for (const auto& [group, sum] :
+         {std::pair("pipeline.assessor.frame_weights.", "S_total"), std::pair("pipeline.assessor.change_weights.", "S_change")}) {
       if (p.path.rfind(group, 0) != 0) continue;
       const std::string& score = names[next++];
       all.push_back({"no_" + score.substr(score.rfind("S_", 0) == 0 ? 2 : 0), std::string(sum) + " without " + score, {}, p.path});

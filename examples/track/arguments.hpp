@@ -52,8 +52,13 @@ struct Arguments {
   [[nodiscard]] bool policy_reads_files() const { return policy_is("precomputed") || (policy_is("semantic") && model.empty()); }
   /// All that is only read.
   [[nodiscard]] std::vector<Input> inputs() const {
-    return {{"the recording", synthetic() ? "" : sequence}, {"--masks", masks}, {"--detections", detections}, {"--config", config},
-            {"--camera", camera.find('.') == std::string::npos ? "" : camera}, {"--model", model}, {"--classes", classes}};
+    return {{"the recording", synthetic() ? "" : sequence},
+            {"--masks", masks},
+            {"--detections", detections},
+            {"--config", config},
+            {"--camera", camera.find('.') == std::string::npos ? "" : camera},
+            {"--model", model},
+            {"--classes", classes}};
   }
 };
 
@@ -90,17 +95,22 @@ inline void check(const CLI::App& app, const Arguments& a) {
 inline void declare_options(CLI::App& app, Arguments& a) {
   std::string names;
   for (const std::string& n : apso::testing::SyntheticSequence::names()) names += (names.empty() ? "" : ", ") + n;
-  app.add_option("SEQUENCE", a.sequence, "folder in TUM format (rgb.txt and depth.txt, or associations.txt; groundtruth.txt is\n"
-                                         "optional), or synthetic:NAME with NAME one of " + names)->required();
+  app.add_option("SEQUENCE", a.sequence,
+                 "folder in TUM format (rgb.txt and depth.txt, or associations.txt; groundtruth.txt is\n"
+                 "optional), or synthetic:NAME with NAME one of " +
+                     names)
+      ->required();
   app.add_option("--output", a.output, "folder for the results; those of an earlier run are replaced, nothing else is")
       ->required()
       ->check(not_empty());
   app.add_option("--camera", a.camera, "tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim, or a YAML file with fx, fy, cx, cy, ...");
   app.add_option("--config", a.config, "YAML file with options, see --list-options")->check(not_empty());
-  app.add_option("--masks", a.masks, "folder of mask images, named by the colour image's timestamp (nonzero = dynamic)")->check(not_empty());
-  app.add_option("--detections", a.detections, "text file, lines: timestamp left top width height score class_id; or folder with one\n"
-                                               "text file per image, named by its timestamp, lines: class cx cy width height [score]\n"
-                                               "relative to the image size, or left:.. top:.. right:.. bottom:.. class:NAME [score]")
+  app.add_option("--masks", a.masks, "folder of mask images, named by the colour image's timestamp (nonzero = dynamic)")
+      ->check(not_empty());
+  app.add_option("--detections", a.detections,
+                 "text file, lines: timestamp left top width height score class_id; or folder with one\n"
+                 "text file per image, named by its timestamp, lines: class cx cy width height [score]\n"
+                 "relative to the image size, or left:.. top:.. right:.. bottom:.. class:NAME [score]")
       ->check(not_empty());
   std::string policies;
   const apso::opencv::MotionOptions motion_options;
@@ -109,12 +119,18 @@ inline void declare_options(CLI::App& app, Arguments& a) {
   for (const apso::NamedPolicy& p : apso::opencv::motion_table(any_camera, motion_options, motion_files)) {
     policies += "\n  " + p.name + (p.takes_policy() ? "(P): " : ": ") + p.summary;
   }
-  app.add_option("--motion", a.motion, "motion policy, or a combination: P+Q either, P*Q both, P&Q objects of P that Q finds moving;\n"
-                                       "brackets group. P and Q are:" + policies)->capture_default_str();
-  app.add_option("--model", a.model, "ONNX file of a detection or segmentation network, for the policy dnn; its input size, thresholds\n"
-                                     "and output format are options (--config, motion.dnn)");
+  app.add_option("--motion", a.motion,
+                 "motion policy, or a combination: P+Q either, P*Q both, P&Q objects of P that Q finds moving;\n"
+                 "brackets group. P and Q are:" +
+                     policies)
+      ->capture_default_str();
+  app.add_option("--model", a.model,
+                 "ONNX file of a detection or segmentation network, for the policy dnn; its input size, thresholds\n"
+                 "and output format are options (--config, motion.dnn)");
   app.add_option("--classes", a.classes, "text file with the class names of the network, one per line (default: the 80 of COCO)");
-  app.add_option("--movable", a.movable, "names or numbers of the classes that can move (default: person, cat, dog)")->delimiter(',')->allow_extra_args(false);
+  app.add_option("--movable", a.movable, "names or numbers of the classes that can move (default: person, cat, dog)")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   app.add_flag("--no-refinement", a.no_refinement, "keep the poses of the feature tracker: pipeline.refine none");
   app.add_flag("--write-masks", a.write_masks, "write masks/ (8-bit PNG, 255 = dynamic, named by the colour image's timestamp)");
   app.add_flag("--report", a.report, "write report.html, the run as one page with every frame, and thumbnails/, the pictures in it");
@@ -125,10 +141,13 @@ inline void declare_options(CLI::App& app, Arguments& a) {
   app.add_option("--people", a.people, "synthetic sequences: number of walking people")->check(CLI::Range(0, 3));
   app.add_option("--seed", a.seed, "synthetic sequences: random seed of scene and noise")->capture_default_str();
   app.add_flag("--true-masks", a.true_masks, "synthetic sequences: use the true masks")->excludes("--masks");
-  app.add_flag_callback("--list-options", [] {
-    print_settings(Config{});
-    throw CLI::Success();
-  }, "print all settings of --config with their defaults and ranges");
+  app.add_flag_callback(
+      "--list-options",
+      [] {
+        print_settings(Config{});
+        throw CLI::Success();
+      },
+      "print all settings of --config with their defaults and ranges");
   app.add_flag("--quiet", a.quiet, "no progress bar");
   app.callback([&] { check(app, a); });
 }

@@ -24,8 +24,7 @@ class DegradedSource final : public FrameSource {
   static constexpr int first = 40;  ///< frame that is degraded
   static std::vector<std::string> kinds() { return {"blur25", "blur41", "contrast", "wall", "blank", "no-depth"}; }
 
-  DegradedSource(std::unique_ptr<FrameSource> source, std::string kind)
-      : source_(std::move(source)), kind_(std::move(kind)) {}
+  DegradedSource(std::unique_ptr<FrameSource> source, std::string kind) : source_(std::move(source)), kind_(std::move(kind)) {}
 
   int size() const override { return source_->size(); }
   const apso::Pinhole& camera() const override { return source_->camera(); }

@@ -28,8 +28,8 @@ namespace track {
 
 /// One frame ready for the tracker. The images live until the next call of FrameSource::load.
 struct LoadedFrame {
-  double timestamp = 0;         ///< [s]
-  std::string name;             ///< stem of the colour file, for the names of masks and pictures
+  double timestamp = 0;  ///< [s]
+  std::string name;      ///< stem of the colour file, for the names of masks and pictures
   cv::Mat bgr;
   cv::Mat gray;
   apso::RgbdFrame rgbd;

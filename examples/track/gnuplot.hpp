@@ -54,8 +54,8 @@ class Gnuplot {
     posix_spawn_file_actions_destroy(&actions);
     ::close(ends[0]);
     pipe_.reset(::fdopen(ends[1], "w"));
-    (*this)(std::string("set terminal ") + (svg() ? "svg" : "pngcairo") + " size " + std::to_string(width) + "," + std::to_string(height) + " font 'sans," + std::to_string(font) +
-            "' background rgb 'white'");
+    (*this)(std::string("set terminal ") + (svg() ? "svg" : "pngcairo") + " size " + std::to_string(width) + "," + std::to_string(height) +
+            " font 'sans," + std::to_string(font) + "' background rgb 'white'");
   }
   ~Gnuplot() { (void)wait(); }
   Gnuplot(const Gnuplot&) = delete;

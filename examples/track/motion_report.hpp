@@ -17,15 +17,16 @@ namespace track {
 struct MotionScore {
   double iou = 0, recall = 0;  ///< sums over frames with people
   int with_people = 0;
-  double false_share = 0;      ///< sum of the shares of static pixels called dynamic
+  double false_share = 0;  ///< sum of the shares of static pixels called dynamic
   double worst = 0;
   double ms = 0;
   int frames = 0;
-  double ate = -1;             ///< [m]; negative = not known
+  double ate = -1;  ///< [m]; negative = not known
 
   /// \param truth 8 bit, nonzero = dynamic, of the size of the mask; empty: nothing is dynamic
   void judge(const apso::DynamicMask& mask, const cv::Mat& truth) {
-    apso::expects(truth.empty() || truth.size() == cv::Size(mask.probability.width(), mask.probability.height()), "judge: the sizes differ");
+    apso::expects(truth.empty() || truth.size() == cv::Size(mask.probability.width(), mask.probability.height()),
+                  "judge: the sizes differ");
     double both = 0, marked = 0, real = 0;
     const auto size = static_cast<double>(mask.probability.size());
     for (int y = 0; y < mask.probability.height(); ++y) {
@@ -77,7 +78,9 @@ struct MeasuredSequence {
 
 /// One row per policy: means over the synthetic sequences of a kind, then every recording.
 inline void print_overview(const std::vector<MeasuredSequence>& all, const std::vector<std::string>& policies) {
-  const auto has = [&](SequenceKind kind) { return std::any_of(all.begin(), all.end(), [&](const MeasuredSequence& m) { return m.kind == kind; }); };
+  const auto has = [&](SequenceKind kind) {
+    return std::any_of(all.begin(), all.end(), [&](const MeasuredSequence& m) { return m.kind == kind; });
+  };
   std::string head = "| policy |";
   std::string line = "|---|";
   const auto column = [&](const std::string& name) {

@@ -30,11 +30,12 @@ inline std::unique_ptr<FrameSource> open_source(const Arguments& a) {
         "--camera is needed for a recording: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim, or a YAML file (wrong "
         "intrinsics or a wrong depth scale give a wrong trajectory silently, so there is no default)");
   }
-  if (a.camera.find('.') != std::string::npos && std::filesystem::is_directory(a.camera)) throw apso::io_error(a.camera + ": is a folder, expected a YAML file");
+  if (a.camera.find('.') != std::string::npos && std::filesystem::is_directory(a.camera))
+    throw apso::io_error(a.camera + ": is a folder, expected a YAML file");
   // a folder of results may well be called bonn
-  const bool is_file = (std::filesystem::exists(a.camera) && !std::filesystem::is_directory(a.camera)) || a.camera.find('.') != std::string::npos;
-  const apso::opencv::CameraModel camera =
-      is_file ? apso::camera_from_yaml(a.camera) : apso::camera_by_name(a.camera);
+  const bool is_file =
+      (std::filesystem::exists(a.camera) && !std::filesystem::is_directory(a.camera)) || a.camera.find('.') != std::string::npos;
+  const apso::opencv::CameraModel camera = is_file ? apso::camera_from_yaml(a.camera) : apso::camera_by_name(a.camera);
   return std::make_unique<RecordedSource>(a.sequence, camera);
 }
 

@@ -10,11 +10,11 @@
 #include <string>
 #include <vector>
 
+#include <yaml-cpp/yaml.h>
+#include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <nlohmann/json.hpp>
-#include <yaml-cpp/yaml.h>
 
 #include <apso/evaluation/ate.hpp>
 #include <apso/pipeline/report.hpp>
@@ -81,7 +81,10 @@ class OverlayChooser {
   std::string changes(const OfferedFrame& frame, const apso::FrameReport& report) {
     const auto enough = [&](const std::string& kind) { return ++told_[kind] > per_kind; };
     const apso::Assessment& a = report.assessment;
-    const std::string scene = a.scenario_dynamic ? "dynamic scene" : a.scenario_objects ? "objects in the scene" : a.scenario_static ? "static scene" : "mixed scene";
+    const std::string scene = a.scenario_dynamic   ? "dynamic scene"
+                              : a.scenario_objects ? "objects in the scene"
+                              : a.scenario_static  ? "static scene"
+                                                   : "mixed scene";
     const bool repaired = report.state == apso::SceneState::Bad && report.refined;
     std::string why;
     if (report.state != state_) why = std::string(to_string(report.state)) + " begins";

@@ -42,8 +42,8 @@ class BestView {
     char text[200];
     std::snprintf(text, sizeof text, "set xlabel '%s [m]'; set ylabel '%s [m]'; set size ratio -1", axis(across), axis(up));
     g(text);
-    std::snprintf(text, sizeof text, "set xrange [%.6g:%.6g]; set yrange [%.6g:%.6g]", centre[across] - half,
-                  centre[across] + half, centre[up] - half, centre[up] + half);
+    std::snprintf(text, sizeof text, "set xrange [%.6g:%.6g]; set yrange [%.6g:%.6g]", centre[across] - half, centre[across] + half,
+                  centre[up] - half, centre[up] + half);
     g(text);
   }
   static const char* axis(int i) {
@@ -58,15 +58,15 @@ class BestView {
 
 /// What the plots of a run show.
 struct PlottedRun {
-  std::string title;                           ///< name of the sequence
+  std::string title;  ///< name of the sequence
   const std::vector<apso::FrameReport>& reports;
   const apso::Trajectory& features;
   const apso::Trajectory& final_poses;
-  apso::Trajectory truth;                      ///< moved into the frame of the final poses; empty: not known
-  std::vector<std::vector<double>> error;      ///< rows of time since the first frame [s] and position error [m], of the final poses
+  apso::Trajectory truth;                          ///< moved into the frame of the final poses; empty: not known
+  std::vector<std::vector<double>> error;          ///< rows of time since the first frame [s] and position error [m], of the final poses
   std::vector<std::vector<double>> feature_error;  ///< of the features alone
-  double rmse = 0;                             ///< of the final poses [m]
-  std::size_t pairs = 0;                       ///< poses that rmse is of
+  double rmse = 0;                                 ///< of the final poses [m]
+  std::size_t pairs = 0;                           ///< poses that rmse is of
   [[nodiscard]] double start() const { return reports.empty() ? 0 : reports.front().timestamp; }
   [[nodiscard]] double seconds() const { return reports.empty() ? 1 : std::max(1e-3, reports.back().timestamp - start()); }
   /// "ATE rmse 0.0123 m, 540 pairs of 540 frames", or that there is none.
@@ -115,7 +115,8 @@ inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun&
   Gnuplot g(file, 900, 1000, 11);
   const BestView view({&run.truth, &run.features, &run.final_poses});
   g("set multiplot layout 2,1");
-  g("set title " + quoted(run.title + ": " + view.axis(view.across) + " and " + view.axis(view.up) + ", the plane of largest extent; " + run.result()) +
+  g("set title " +
+    quoted(run.title + ": " + view.axis(view.across) + " and " + view.axis(view.up) + ", the plane of largest extent; " + run.result()) +
     " noenhanced");
   g("set grid lc rgb '#dddddd'; set key outside right top");
   const bool known = !run.truth.empty();
@@ -134,12 +135,14 @@ inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun&
   }
   view.set(g);
   std::string curves = known ? "'-' using 1:2 with lines lw 4 lc rgb '#b5bbc2' title 'ground truth', " : "";
-  curves += "'-' using 1:2 with lines lw 1.2 lc rgb '#d55e00' title 'features only', "
-            "'-' using 1:2 with lines lw 1.8 lc rgb '#0072b2' title 'final', "
-            "'-' using 1:2 with points pt 2 ps 0.7 lc rgb '#000000' title 'BAD'";
+  curves +=
+      "'-' using 1:2 with lines lw 1.2 lc rgb '#d55e00' title 'features only', "
+      "'-' using 1:2 with lines lw 1.8 lc rgb '#0072b2' title 'final', "
+      "'-' using 1:2 with points pt 2 ps 0.7 lc rgb '#000000' title 'BAD'";
   if (!run.final_poses.empty()) {
-    curves += ", '-' using 1:2 with points pt 6 ps 1.6 lw 2 lc rgb '#009e73' title 'start', "
-              "'-' using 1:2 with points pt 5 ps 1.3 lc rgb '#009e73' title 'end'";
+    curves +=
+        ", '-' using 1:2 with points pt 6 ps 1.6 lw 2 lc rgb '#009e73' title 'start', "
+        "'-' using 1:2 with points pt 5 ps 1.3 lc rgb '#009e73' title 'end'";
   }
   g("plot " + curves);
   if (known) g.data(path(run.truth));
@@ -157,9 +160,12 @@ inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun&
     for (const auto& p : t) r.push_back({p.timestamp - run.start(), p.T_world_body.translation()[k]});
     return r;
   };
-  g(std::string("plot ") + (known ? "'-' using 1:2 with lines lw 4 lc rgb '#c9ced4' title 'truth x, y, z', '-' using 1:2 with lines lw 4 lc rgb '#c9ced4' "
-                                    "notitle, '-' using 1:2 with lines lw 4 lc rgb '#c9ced4' notitle, " : "") +
-    "'-' using 1:2 with lines lw 1.5 lc rgb '#0072b2' title 'final x', '-' using 1:2 with lines lw 1.5 dt 2 lc rgb '#009e73' title 'final y', "
+  g(std::string("plot ") +
+    (known ? "'-' using 1:2 with lines lw 4 lc rgb '#c9ced4' title 'truth x, y, z', '-' using 1:2 with lines lw 4 lc rgb '#c9ced4' "
+             "notitle, '-' using 1:2 with lines lw 4 lc rgb '#c9ced4' notitle, "
+           : "") +
+    "'-' using 1:2 with lines lw 1.5 lc rgb '#0072b2' title 'final x', '-' using 1:2 with lines lw 1.5 dt 2 lc rgb '#009e73' title 'final "
+    "y', "
     "'-' using 1:2 with lines lw 1.5 dt 4 lc rgb '#b0558a' title 'final z'");
   for (int k = 0; known && k < 3; ++k) g.data(over_time(run.truth, k));
   for (int k = 0; k < 3; ++k) g.data(over_time(run.final_poses, k));
@@ -190,17 +196,22 @@ inline void plot_scores(const std::filesystem::path& file, const PlottedRun& run
     char range[80];
     std::snprintf(range, sizeof range, "set ylabel 'position error [m]'; set yrange [0:%.6g]", 1.05 * top);
     g(range);
-    g(bands + ", '-' using 1:2 with lines lw 1.2 lc rgb '#d55e00' title 'features only', '-' using 1:2 with lines lw 1.8 lc rgb '#0072b2' title 'final'");
+    g(bands +
+      ", '-' using 1:2 with lines lw 1.2 lc rgb '#d55e00' title 'features only', '-' using 1:2 with lines lw 1.8 lc rgb '#0072b2' title "
+      "'final'");
     detail::band_data(g, run, 1.05 * top);
     g.data(run.feature_error);
     g.data(run.error);
   }
   g("set yrange [0:1.02]; set ylabel 'S_final' noenhanced");
-  g(bands + ", '-' using 1:2 with lines lw 2 lc rgb '#0072b2' title 'S_final', '-' using 1:2 with lines dt 2 lc rgb '#000000' title 'th_differ'");
+  g(bands +
+    ", '-' using 1:2 with lines lw 2 lc rgb '#0072b2' title 'S_final', '-' using 1:2 with lines dt 2 lc rgb '#000000' title 'th_differ'");
   detail::band_data(g, run, 1.02);
   g.data(column([&](const auto& f) { return of(f.assessment.S_final); }));
   g.data(column([&](const auto& f) { return f.state == apso::SceneState::Initialising ? nan : f.assessment.th_differ; }));
-  const auto line = [](const std::string& name, const std::string& style) { return "'-' using 1:2 with lines " + style + " title '" + name + "'"; };
+  const auto line = [](const std::string& name, const std::string& style) {
+    return "'-' using 1:2 with lines " + style + " title '" + name + "'";
+  };
   const char* colours[] = {"#0072b2", "#d55e00", "#009e73", "#b0558a", "#b87f00", "#2c8fc9"};
   const auto scores = [&](const std::string& first, const auto& first_value, const std::vector<std::string>& names, bool ratio) {
     std::string plot = "plot " + line(first, "lw 2 lc rgb '#000000'");
@@ -215,9 +226,11 @@ inline void plot_scores(const std::filesystem::path& file, const PlottedRun& run
   apso::for_each_frame_score(apso::Assessment{}, [&](const char* name, auto&&...) { of_frame.emplace_back(name); });
   apso::for_each_change_score(apso::Assessment{}, [&](const char* name, auto&&...) { of_change.emplace_back(name); });
   g("set ylabel 'score, 1 is best'");
-  scores("S_total", [](const auto& f) { return f.assessment.S_total.value(); }, of_frame, false);
+  scores(
+      "S_total", [](const auto& f) { return f.assessment.S_total.value(); }, of_frame, false);
   g("set xlabel 'time [s]'; set ylabel 'deviation, 0 is best'");
-  scores("S_change", [&](const auto& f) { return of(f.assessment.S_change); }, of_change, true);
+  scores(
+      "S_change", [&](const auto& f) { return of(f.assessment.S_change); }, of_change, true);
   g("unset multiplot");
   g.finish();
 }

@@ -26,8 +26,9 @@ namespace track {
 
 /// Files that apso_track may write, besides overlays/NNNNNN.png, masks/NAME.png and thumbnails/NNNNNN.jpg.
 inline std::vector<std::string> result_files(bool report = false) {
-  std::vector<std::string> names{"frames.csv", "trajectory.txt", "trajectory_features.txt", "groundtruth.txt", "trajectory.png", "trajectory.svg",
-                                 "scores.png", "scores.svg", "contact_sheet.png", "overview.png", "summary.json"};
+  std::vector<std::string> names{
+      "frames.csv", "trajectory.txt", "trajectory_features.txt", "groundtruth.txt", "trajectory.png", "trajectory.svg",
+      "scores.png", "scores.svg",     "contact_sheet.png",       "overview.png",    "summary.json"};
   if (report) names.emplace_back("report.html");
   return names;
 }
@@ -56,8 +57,11 @@ inline void keep_apart(const std::string& output, const std::vector<Input>& inpu
     const bool inside = lies_in(output, in.path);
     const bool outside = lies_in(in.path, output);
     if (!inside && !outside) continue;
-    throw apso::io_error("cannot write to " + output + ": it " + (inside && outside ? "is " : inside ? "lies in " : "contains ") + in.name + " (" +
-                         in.path + "), which is only read; take another place");
+    throw apso::io_error("cannot write to " + output + ": it " +
+                         (inside && outside ? "is "
+                          : inside          ? "lies in "
+                                            : "contains ") +
+                         in.name + " (" + in.path + "), which is only read; take another place");
   }
 }
 

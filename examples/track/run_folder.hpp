@@ -82,8 +82,7 @@ inline double median_of(std::vector<double> v) {
 
 /// Pose within `tolerance` seconds of a time; null if there is none.
 inline const apso::Pose* pose_near(const apso::Trajectory& t, double time, double tolerance) {
-  const auto it =
-      std::lower_bound(t.begin(), t.end(), time, [](const apso::StampedPose& p, double s) { return p.timestamp < s; });
+  const auto it = std::lower_bound(t.begin(), t.end(), time, [](const apso::StampedPose& p, double s) { return p.timestamp < s; });
   const apso::StampedPose* best = nullptr;
   if (it != t.end()) best = &*it;
   if (it != t.begin() && (best == nullptr || time - (it - 1)->timestamp < best->timestamp - time)) best = &*(it - 1);
@@ -111,8 +110,8 @@ inline Run read_run(const std::string& folder, const std::string& groundtruth = 
   for (int number = 2; std::getline(stream, line); ++number) {
     const std::vector<std::string> fields = split_csv(line);
     if (fields.size() != header.size()) {
-      throw apso::io_error(table + ":" + std::to_string(number) + ": expected " + std::to_string(header.size()) +
-                           " fields, got " + std::to_string(fields.size()));
+      throw apso::io_error(table + ":" + std::to_string(number) + ": expected " + std::to_string(header.size()) + " fields, got " +
+                           std::to_string(fields.size()));
     }
     RunFrame f;
     for (const std::string& text : fields) {
@@ -124,7 +123,8 @@ inline Run read_run(const std::string& folder, const std::string& groundtruth = 
     f.state = fields[run.column["state"]];
     const auto known = enum_names(apso::SceneState{});
     if (std::find(known.begin(), known.end(), f.state) == known.end()) {
-      throw apso::io_error(table + ":" + std::to_string(number) + ": the state is '" + f.state + "', expected INITIALISING, GOOD, BAD or LOST");
+      throw apso::io_error(table + ":" + std::to_string(number) + ": the state is '" + f.state +
+                           "', expected INITIALISING, GOOD, BAD or LOST");
     }
     f.label = fields[run.column["label"]];
     const auto text = [&](const char* column) { return run.column.count(column) != 0 ? fields[run.column[column]] : std::string(); };
@@ -140,7 +140,9 @@ inline Run read_run(const std::string& folder, const std::string& groundtruth = 
   if (groundtruth.empty() && !fs::exists(truth_file)) return run;  // decisions without truth
   const apso::Trajectory truth = apso::read_trajectory(truth_file);
   expect_seconds(truth, truth_file);
-  const auto poses = [&](const char* file, bool any) { return any ? apso::read_trajectory((fs::path(folder) / file).string()) : apso::Trajectory{}; };
+  const auto poses = [&](const char* file, bool any) {
+    return any ? apso::read_trajectory((fs::path(folder) / file).string()) : apso::Trajectory{};
+  };
   const apso::Trajectory features = poses("trajectory_features.txt", count([](const RunFrame& f) { return !f.lost; }) > 0);
   const apso::Trajectory finals = poses("trajectory.txt", run.with_pose > 0);
   constexpr double same = 1e-5;   // between files of one run [s]

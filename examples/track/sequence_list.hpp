@@ -50,8 +50,7 @@ inline SequenceSpec parse_sequence(const std::string& text) {
   std::getline(parts, part, ',');
   spec.arguments.push_back(part);
   namespace fs = std::filesystem;
-  spec.name =
-      part.rfind("synthetic:", 0) == 0 ? part.substr(10) : fs::path(part).lexically_normal().filename().string();
+  spec.name = part.rfind("synthetic:", 0) == 0 ? part.substr(10) : fs::path(part).lexically_normal().filename().string();
   while (std::getline(parts, part, ',')) {
     const auto eq = part.find('=');
     spec.arguments.push_back("--" + part.substr(0, eq));

@@ -42,11 +42,13 @@ inline std::string stamp_problem(const std::vector<double>& stamps) {
   char text[240] = "";
   const double step = median_step(stamps);
   if (const std::string unit = other_unit(stamps); !unit.empty()) {
-    std::snprintf(text, sizeof text, "the timestamps look like %s (%.17g, median step %.6g), expected seconds", unit.c_str(), stamps.front(), step);
+    std::snprintf(text, sizeof text, "the timestamps look like %s (%.17g, median step %.6g), expected seconds", unit.c_str(),
+                  stamps.front(), step);
   } else if (step > far_apart) {
     std::snprintf(text, sizeof text,
                   "the frames are %.3g s apart (median), or the timestamps are no seconds: frames are rated by comparing neighbours, "
-                  "expected 10 or more per second", step);
+                  "expected 10 or more per second",
+                  step);
   }
   return text;
 }
@@ -61,11 +63,12 @@ inline void expect_seconds(const apso::Trajectory& trajectory, const std::string
 
 /// Why two trajectories cannot be compared: their times do not meet. Neither may be empty.
 /// \param limit largest difference of two stamps that belong together [s]
-inline std::string too_few_pairs(std::size_t pairs, double limit, int needed, const apso::Trajectory& truth, const apso::Trajectory& estimate) {
+inline std::string too_few_pairs(std::size_t pairs, double limit, int needed, const apso::Trajectory& truth,
+                                 const apso::Trajectory& estimate) {
   char text[400];
   std::snprintf(text, sizeof text,
-                "%zu pair(s) of poses within %g s, need %d: the ground truth covers %.3f .. %.3f s, the estimate %.3f .. %.3f s", pairs, limit,
-                needed, truth.front().timestamp, truth.back().timestamp, estimate.front().timestamp, estimate.back().timestamp);
+                "%zu pair(s) of poses within %g s, need %d: the ground truth covers %.3f .. %.3f s, the estimate %.3f .. %.3f s", pairs,
+                limit, needed, truth.front().timestamp, truth.back().timestamp, estimate.front().timestamp, estimate.back().timestamp);
   return text;
 }
 

@@ -29,9 +29,9 @@ struct Record {
   std::vector<apso::FrameReport> reports;  ///< of the frames processed
   std::vector<Timing> timings;             ///< of the same frames
   nlohmann::json skipped = nlohmann::json::array();
-  apso::opencv::FileUse use;               ///< of masks and detections of another program
-  int softened = 0;                        ///< frames in which dynamic features counted a little
-  std::string failure;                     ///< why the run ended early; empty: it did not
+  apso::opencv::FileUse use;  ///< of masks and detections of another program
+  int softened = 0;           ///< frames in which dynamic features counted a little
+  std::string failure;        ///< why the run ended early; empty: it did not
   [[nodiscard]] int refined() const {
     return count([](const apso::FrameReport& r) { return r.refined; });
   }
@@ -68,7 +68,8 @@ inline nlohmann::json evaluate(const apso::Trajectory& truth, const apso::Trajec
     options.unit = unit;
     const apso::RpeResult rpe = apso::rpe(truth, estimate, options);
     if (!succeeded(rpe.status)) return;
-    result[name] = {{"pairs", rpe.translation.count}, {"translation", to_json(rpe.translation)}, {"rotation_deg", to_json(rpe.rotation_deg)}};
+    result[name] = {
+        {"pairs", rpe.translation.count}, {"translation", to_json(rpe.translation)}, {"rotation_deg", to_json(rpe.rotation_deg)}};
   };
   add_rpe("rpe_1s", 1.0, apso::DeltaUnit::Seconds);
   add_rpe("rpe_1f", 1.0, apso::DeltaUnit::Frames);
@@ -82,12 +83,9 @@ inline nlohmann::json stage_times(const std::vector<Timing>& timings) {
     for (const Timing& t : timings) v.push_back(of(t));
     return distribution(v);
   };
-  return {{"load", column([](const Timing& t) { return t.load; })},
-          {"features", column([](const Timing& t) { return t.features; })},
-          {"observe", column([](const Timing& t) { return t.observe; })},
-          {"assess", column([](const Timing& t) { return t.assess; })},
-          {"refine", column([](const Timing& t) { return t.refine; })},
-          {"map", column([](const Timing& t) { return t.map; })},
+  return {{"load", column([](const Timing& t) { return t.load; })},       {"features", column([](const Timing& t) { return t.features; })},
+          {"observe", column([](const Timing& t) { return t.observe; })}, {"assess", column([](const Timing& t) { return t.assess; })},
+          {"refine", column([](const Timing& t) { return t.refine; })},   {"map", column([](const Timing& t) { return t.map; })},
           {"total", column([](const Timing& t) { return t.total(); })}};
 }
 

@@ -134,10 +134,6 @@
 #include <apso/refinement/memory/reference_memory.hpp>
 #include <apso/refinement/pyramid/first_level.hpp>
 #include <apso/refinement/pyramid/pixel_block.hpp>
-#include <apso/refinement/solver/aligner_core.hpp>
-#include <apso/refinement/solver/degeneracy.hpp>
-#include <apso/refinement/solver/level_solver.hpp>
-#include <apso/refinement/solver/pose_information.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/pixel_selector.hpp>
 #include <apso/refinement/pyramid/plane.hpp>
@@ -146,6 +142,10 @@
 #include <apso/refinement/pyramid/pyramid_options.hpp>
 #include <apso/refinement/refiner.hpp>
 #include <apso/refinement/refiner_options.hpp>
+#include <apso/refinement/solver/aligner_core.hpp>
+#include <apso/refinement/solver/degeneracy.hpp>
+#include <apso/refinement/solver/level_solver.hpp>
+#include <apso/refinement/solver/pose_information.hpp>
 #include <apso/refinement/speed_gate.hpp>
 #include <apso/refinement/start/corner_matching.hpp>
 #include <apso/refinement/start/corner_search.hpp>

@@ -52,8 +52,8 @@
 #define APSO_JOIN(a, b) APSO_JOIN_EXPANDED(a, b)
 
 // Spelled as macros because C++17 has no `namespace apso::inline v0`.
-#define APSO_NAMESPACE_BEGIN       \
-  namespace apso {                 \
+#define APSO_NAMESPACE_BEGIN \
+  namespace apso {           \
   inline namespace APSO_JOIN(APSO_NAMESPACE_TAG, APSO_INSTRUCTION_SET) {
 #define APSO_NAMESPACE_END \
   }                        \

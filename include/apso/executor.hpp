@@ -30,7 +30,8 @@ class ExecutorRef {
   template <class F>
   void operator()(int n, F&& f) const {
     using Function = std::remove_reference_t<F>;
-    run_(executor_, n, [](void* g, int i) { (*static_cast<Function*>(g))(i); }, const_cast<void*>(static_cast<const void*>(&f)));
+    run_(
+        executor_, n, [](void* g, int i) { (*static_cast<Function*>(g))(i); }, const_cast<void*>(static_cast<const void*>(&f)));
   }
 
  private:

@@ -38,8 +38,7 @@ struct AnyVisitor {
 template <class T, class = void>
 struct has_fields : std::false_type {};
 template <class T>
-struct has_fields<T, std::void_t<decltype(T::fields(std::declval<T&>(), std::declval<AnyVisitor>()))>>
-    : std::true_type {};
+struct has_fields<T, std::void_t<decltype(T::fields(std::declval<T&>(), std::declval<AnyVisitor>()))>> : std::true_type {};
 
 /// The checks of all options structs: one function for every kind of number, names put together only where one is wrong.
 class Validator {
@@ -49,7 +48,8 @@ class Validator {
   template <class T, class L, class H>
   void operator()(const char* name, const T& value, L lowest, H highest) const {
     const bool whole = std::is_integral_v<T>;
-    check(name, static_cast<double>(value), static_cast<double>(static_cast<T>(lowest)), static_cast<double>(static_cast<T>(highest)), whole);
+    check(name, static_cast<double>(value), static_cast<double>(static_cast<T>(lowest)), static_cast<double>(static_cast<T>(highest)),
+          whole);
   }
   template <class T>
   void operator()(const char* name, const T& value) const {

@@ -27,17 +27,28 @@ enum class Status : int {
 /// Name of a status, for reports.
 [[nodiscard]] constexpr const char* to_string(Status s) {
   switch (s) {
-    case Status::NotRun: return "NotRun";
-    case Status::NoReference: return "NoReference";
-    case Status::NoMask: return "NoMask";
-    case Status::SingularSystem: return "SingularSystem";
-    case Status::Diverged: return "Diverged";
-    case Status::NoOverlap: return "NoOverlap";
-    case Status::TooFewPixels: return "TooFewPixels";
-    case Status::TooFewMatches: return "TooFewMatches";
-    case Status::Converged: return "Converged";
-    case Status::MaxIterations: return "MaxIterations";
-    case Status::Degenerate: return "Degenerate";
+    case Status::NotRun:
+      return "NotRun";
+    case Status::NoReference:
+      return "NoReference";
+    case Status::NoMask:
+      return "NoMask";
+    case Status::SingularSystem:
+      return "SingularSystem";
+    case Status::Diverged:
+      return "Diverged";
+    case Status::NoOverlap:
+      return "NoOverlap";
+    case Status::TooFewPixels:
+      return "TooFewPixels";
+    case Status::TooFewMatches:
+      return "TooFewMatches";
+    case Status::Converged:
+      return "Converged";
+    case Status::MaxIterations:
+      return "MaxIterations";
+    case Status::Degenerate:
+      return "Degenerate";
   }
   return "?";
 }

@@ -46,14 +46,10 @@ class ArrayImage {
     if (array_.strides(0) < 0 || array_.strides(1) < 0) fail(name, "its strides are negative: give a copy, numpy.ascontiguousarray(...)");
     const char kind = array_.dtype().kind();
     const py::ssize_t size = array_.itemsize();
-    if (kind == 'u' && size == 1)
-      view<std::uint8_t>(name);
-    else if (kind == 'u' && size == 2)
-      view<std::uint16_t>(name);
-    else if (kind == 'f' && size == 4)
-      view<float>(name);
-    else
-      throw py::type_error(std::string(name) + " has dtype " + dtype_text(array_) + ", expected uint8, uint16 or float32");
+    if (kind == 'u' && size == 1) view<std::uint8_t>(name);
+    else if (kind == 'u' && size == 2) view<std::uint16_t>(name);
+    else if (kind == 'f' && size == 4) view<float>(name);
+    else throw py::type_error(std::string(name) + " has dtype " + dtype_text(array_) + ", expected uint8, uint16 or float32");
   }
   ArrayImage(const ArrayImage&) = delete;
   ArrayImage& operator=(const ArrayImage&) = delete;

@@ -1,4 +1,5 @@
-// expect: apso: a kernel needs `template <class T> T rho(const T& s2) const`, the cost of the squared residual s2, for T = double and apso::Lanes
+// expect: apso: a kernel needs `template <class T> T rho(const T& s2) const`, the cost of the squared residual s2, for T = double and
+// apso::Lanes
 #include <apso/refinement/aligner.hpp>
 
 struct Lorentz {

@@ -1,4 +1,5 @@
-// expect: apso: a motion policy needs `void observe(const apso::AnyFrame& frame, const apso::Pose& T_world_camera_prior, const std::vector<apso::PointTrack>& tracks, apso::DynamicMask& out);`
+// expect: apso: a motion policy needs `void observe(const apso::AnyFrame& frame, const apso::Pose& T_world_camera_prior, const
+// std::vector<apso::PointTrack>& tracks, apso::DynamicMask& out);`
 #include <apso/observation/combined_policy.hpp>
 
 struct MyMotion {

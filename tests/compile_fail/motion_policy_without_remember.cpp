@@ -1,4 +1,5 @@
-// expect: apso: a motion policy needs `void remember(const apso::AnyFrame& frame, const apso::Pose& T_world_camera, const apso::DynamicMask& mask);`
+// expect: apso: a motion policy needs `void remember(const apso::AnyFrame& frame, const apso::Pose& T_world_camera, const
+// apso::DynamicMask& mask);`
 #include <apso/observation/combined_policy.hpp>
 #include <apso/observation/policies/geometric_motion.hpp>
 

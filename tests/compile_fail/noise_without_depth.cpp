@@ -1,4 +1,5 @@
-// expect: apso: a noise model needs `template <class T> T squared_weight_depth(const apso::NoiseInput<T>&) const`, 1 / variance of the depth residual [1/m^2], for T = apso::Lanes
+// expect: apso: a noise model needs `template <class T> T squared_weight_depth(const apso::NoiseInput<T>&) const`, 1 / variance of the
+// depth residual [1/m^2], for T = apso::Lanes
 #include <apso/refinement/aligner.hpp>
 
 struct Constant {

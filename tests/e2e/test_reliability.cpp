@@ -120,10 +120,18 @@ TEST_CASE("an output folder that is, contains or lies in an input is refused, an
   const auto before = content(r.path / "rec");
   const std::string in = r.in.string();
   const std::string masks = " --masks " + (r.path / "masks" / "all").string();
-  const std::vector<std::string> outputs{in, in + "/new", in + "/new/../new/deep", r.path.string(), (r.path / "link").string(),
-                                         (r.path / "link" / "new").string(), in + "/masks", in + "/../rec",
-                                         (r.path / "elsewhere").string(), (r.path / "elsewhere" / "depth" / "new").string(),
-                                         (r.path / "masks").string(), (r.path / "masks" / "all" / "new").string()};
+  const std::vector<std::string> outputs{in,
+                                         in + "/new",
+                                         in + "/new/../new/deep",
+                                         r.path.string(),
+                                         (r.path / "link").string(),
+                                         (r.path / "link" / "new").string(),
+                                         in + "/masks",
+                                         in + "/../rec",
+                                         (r.path / "elsewhere").string(),
+                                         (r.path / "elsewhere" / "depth" / "new").string(),
+                                         (r.path / "masks").string(),
+                                         (r.path / "masks" / "all" / "new").string()};
   for (const std::string& output : outputs) {
     CAPTURE(output);
     const Outcome o = r.track(in, masks + " --write-masks --output " + output);
@@ -236,7 +244,8 @@ TEST_CASE("output that cannot be written is told, and the exit code is not zero"
   for (const char* limit : {"1", "16"}) {
     CAPTURE(limit);
     const Outcome full = run("sh -c 'ulimit -f " + std::string(limit) + "; " + APSO_TRACK + " " + r.in.string() + " --camera " +
-                                 (r.in / "camera.yaml").string() + " --quiet --output " + r.out.string() + "'", r.path);
+                                 (r.in / "camera.yaml").string() + " --quiet --output " + r.out.string() + "'",
+                             r.path);
     CAPTURE(full.text);
     CHECK(full.code == 1);
     CHECK(has(full.text, "File too large"));
@@ -268,8 +277,9 @@ TEST_CASE("bytes that are not UTF-8 in names do not cost the summary") {
     list << stamp << ' ' << (n == 3 ? "rgb/x\xe9.png" : rgb) << ' ' << stamp2 << ' ' << depth << '\n';
   }
   list.close();
-  const Outcome o = run(std::string(APSO_TRACK) + " '" + odd.string() + "' --camera " + (r.path / "camera.yaml").string() + " --quiet --output " +
-                            r.out.string(), r.path);
+  const Outcome o = run(std::string(APSO_TRACK) + " '" + odd.string() + "' --camera " + (r.path / "camera.yaml").string() +
+                            " --quiet --output " + r.out.string(),
+                        r.path);
   INFO(o.text);
   CHECK(o.code == 0);
   const json summary = read_json(r.out / "summary.json");
@@ -286,7 +296,8 @@ TEST_CASE("masks are counted, and a run that could use none of them fails") {
     fs::remove_all(r.path / "masks");
     fs::copy(r.in / "masks", r.path / "masks");
     int n = 0;
-    for (const auto& e : std::vector<fs::directory_entry>(fs::directory_iterator(r.path / "masks"), fs::directory_iterator())) change(e.path(), n++);
+    for (const auto& e : std::vector<fs::directory_entry>(fs::directory_iterator(r.path / "masks"), fs::directory_iterator()))
+      change(e.path(), n++);
   };
   const auto check = [&](const char* motion, int code, const std::string& text) {
     CAPTURE(motion);
@@ -417,7 +428,8 @@ TEST_CASE("timestamps that are no seconds or far apart are told once") {
 
 TEST_CASE("paths in the lists of a recording do not lead out of it") {
   const Recording r;
-  for (const std::string& outside : {std::string("../other.png"), std::string("rgb/../../other.png"), (r.in / "rgb" / "0.000000.png").string()}) {
+  for (const std::string& outside :
+       {std::string("../other.png"), std::string("rgb/../../other.png"), (r.in / "rgb" / "0.000000.png").string()}) {
     CAPTURE(outside);
     std::ofstream(r.in / "associations.txt") << "0.0 " << outside << " 0.0 depth/0.000000.png\n";
     const Outcome o = r.track("");
@@ -481,7 +493,8 @@ TEST_CASE("wrong usage is named, and every program returns 2") {
   refused(std::string(APSO_EVAL) + " a b --max-difference nan", "expected a number from 0");
   refused(track + "--config " + f.path.string() + out, f.path.string() + ": is a folder, expected a YAML file", 1);
   fs::create_directories(f.path / "camera.yaml");
-  refused(std::string(APSO_TRACK) + " recording --camera " + (f.path / "camera.yaml").string() + out, "camera.yaml: is a folder, expected", 1);
+  refused(std::string(APSO_TRACK) + " recording --camera " + (f.path / "camera.yaml").string() + out, "camera.yaml: is a folder, expected",
+          1);
   CHECK_FALSE(fs::exists(f.path / "out"));
   const Outcome short_run = run(track + "--spoil wall" + out, f.path);
   CHECK(short_run.code == 0);

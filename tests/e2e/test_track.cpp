@@ -42,8 +42,8 @@ TEST_CASE("apso_track runs the whole method on people walking, and apso_eval agr
   const Outcome o = run(APSO_TRACK, "synthetic:walking_xyz --max-frames 60 --quiet --write-masks --output " + out.string(), f.path);
   INFO(o.text);
   REQUIRE(o.code == 0);
-  for (const char* file : {"trajectory.txt", "trajectory_features.txt", "frames.csv", "summary.json", "trajectory.png",
-                           "scores.png", "contact_sheet.png", "overview.png"}) {
+  for (const char* file : {"trajectory.txt", "trajectory_features.txt", "frames.csv", "summary.json", "trajectory.png", "scores.png",
+                           "contact_sheet.png", "overview.png"}) {
     CAPTURE(file);
     CHECK(fs::file_size(out / file) > 0);
   }
@@ -53,9 +53,9 @@ TEST_CASE("apso_track runs the whole method on people walking, and apso_eval agr
   CHECK(summary["final"]["ate"]["rmse"].get<double>() < 0.05);
 
   const Table table(out / "frames.csv");
-  for (const char* name : {"frame", "timestamp", "state", "S_conf", "S_spatial", "S_feature", "S_depth", "S_total", "S_mc",
-                           "S_dc", "S_dec", "S_change", "dynamic_ratio", "W_base", "S_final", "th_differ", "w_eff", "c_dir",
-                           "references", "ms_total"}) {
+  for (const char* name :
+       {"frame", "timestamp", "state",         "S_conf", "S_spatial", "S_feature", "S_depth", "S_total", "S_mc",       "S_dc",
+        "S_dec", "S_change",  "dynamic_ratio", "W_base", "S_final",   "th_differ", "w_eff",   "c_dir",   "references", "ms_total"}) {
     CAPTURE(name);
     CHECK(table.has(name));
   }
@@ -136,11 +136,13 @@ TEST_CASE("the policy is chosen by name: masks of one run serve the next, and bo
     std::ofstream(f.path / "boxes" / name) << "left:0 top:0 right:40 bottom:60 class:person 0.9\n";
   }
   const std::string boxes = "--detections " + (f.path / "boxes").string();
-  const Outcome gate = run(APSO_TRACK, start + "--motion 'precomputed & geometric' " + boxes + " --output " + (f.path / "c").string(), f.path);
+  const Outcome gate =
+      run(APSO_TRACK, start + "--motion 'precomputed & geometric' " + boxes + " --output " + (f.path / "c").string(), f.path);
   INFO(gate.text);
   REQUIRE(gate.code == 0);
   CHECK(ratio(f.path / "c") < 0.5 * own);
-  const Outcome either = run(APSO_TRACK, start + "--motion precomputed+geometric " + boxes + " --output " + (f.path / "d").string(), f.path);
+  const Outcome either =
+      run(APSO_TRACK, start + "--motion precomputed+geometric " + boxes + " --output " + (f.path / "d").string(), f.path);
   REQUIRE(either.code == 0);
   CHECK(ratio(f.path / "d") > own);
 }

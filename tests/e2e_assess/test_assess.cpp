@@ -27,8 +27,7 @@ TEST_CASE("from runs to figures: track, assess, calibrate, ablate") {
   const std::string d = f.path.string();
 
   Outcome o =
-      run_program("apso_track synthetic:stress_flash --seed 5 --max-frames 75 --quiet --no-refinement --output " + d + "/flash",
-          f.path);
+      run_program("apso_track synthetic:stress_flash --seed 5 --max-frames 75 --quiet --no-refinement --output " + d + "/flash", f.path);
   INFO(o.text);
   REQUIRE(o.code == 0);
   o = run_program("apso_assess " + d + "/flash --output " + d + "/assessed", f.path);
@@ -56,16 +55,13 @@ TEST_CASE("from runs to figures: track, assess, calibrate, ablate") {
   o = run_program("apso_calibrate " + d + "/flash --output " + d + "/config.yaml", f.path);
   INFO(o.text);
   REQUIRE(o.code == 0);
-  o = run_program(
-      "apso_track synthetic:static_static --max-frames 3 --quiet --config " + d + "/config.yaml --output " + d + "/s",
-      f.path);
+  o = run_program("apso_track synthetic:static_static --max-frames 3 --quiet --config " + d + "/config.yaml --output " + d + "/s", f.path);
   INFO(o.text);
   CHECK(o.code == 0);
 
   // two variants; what is done is not done again; a run cut short is
   const std::string ablate =
-      "apso_ablate synthetic:static_static,max-frames=35 --only default,literal_polarity --jobs 2 --output " + d +
-      "/ab";
+      "apso_ablate synthetic:static_static,max-frames=35 --only default,literal_polarity --jobs 2 --output " + d + "/ab";
   o = run_program(ablate, f.path);
   INFO(o.text);
   REQUIRE(o.code == 0);
@@ -119,7 +115,8 @@ TEST_CASE("the settings of a run go into every program") {
   const std::string first = base.begin().key();
   REQUIRE(fs::exists(f.path / ("ab/configs/no_" + first + ".yaml")));
   o = run_program("apso_track synthetic:static_static --max-frames 1 --quiet --config " + d + "/ab/configs/no_" + first +
-                      ".yaml --output " + d + "/without", f.path);
+                      ".yaml --output " + d + "/without",
+                  f.path);
   INFO(o.text);
   REQUIRE(o.code == 0);
   const json without = read_json(f.path / "without/summary.json")["options"]["pipeline"]["assessor"]["frame_weights"];
@@ -208,7 +205,8 @@ TEST_CASE("one lost or broken run does not cost the table") {
   CHECK(o.code == 1);
   CHECK(o.text.find("only read") != std::string::npos);
 
-  const std::string ablate = "apso_ablate " + d + "/blank,camera=tum-fr3 synthetic:static_static,max-frames=3 --only default --jobs 1 --output " + d + "/ab";
+  const std::string ablate =
+      "apso_ablate " + d + "/blank,camera=tum-fr3 synthetic:static_static,max-frames=3 --only default --jobs 1 --output " + d + "/ab";
   o = run_program(ablate, f.path);
   INFO(o.text);
   CHECK(o.code == 0);

@@ -17,7 +17,8 @@ TEST_CASE("the minimal tracker gives the trajectory of apso_track") {
   const Outcome minimal = run(std::string(APSO_MINIMAL_TRACKER) + " " + room + " tum-fr3 " + own, f.path);
   INFO(minimal.text);
   REQUIRE(minimal.code == 0);
-  const Outcome full = run(std::string(APSO_TRACK) + " " + room + " --camera tum-fr3 --quiet --output " + (f.path / "full").string(), f.path);
+  const Outcome full =
+      run(std::string(APSO_TRACK) + " " + room + " --camera tum-fr3 --quiet --output " + (f.path / "full").string(), f.path);
   INFO(full.text);
   REQUIRE(full.code == 0);
 

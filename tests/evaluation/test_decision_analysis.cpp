@@ -67,8 +67,7 @@ TEST_CASE("confusion and reliability") {
   CHECK(c.precision() == Approx(4. / 6));
   CHECK(c.recall() == Approx(4. / 5));
   CHECK(c.false_alarm_rate() == Approx(2. / 11));
-  const auto bins =
-      reliability({{.05, false}, {.08, true}, {.95, true}, {1, true}, {std::nan(""), true}, {2, false}}, 10);
+  const auto bins = reliability({{.05, false}, {.08, true}, {.95, true}, {1, true}, {std::nan(""), true}, {2, false}}, 10);
   REQUIRE(bins.size() == 2);
   CHECK(bins[0].count == 2);
   CHECK(bins[0].event_share == .5);

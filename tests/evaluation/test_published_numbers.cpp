@@ -43,9 +43,8 @@ TEST_CASE("published: ATE of evo 1.x, nearest stamp within 0.01 s" * doctest::sk
     CAPTURE(row.estimate);
     apso::AteOptions options;
     options.association = apso::AssociationRule::Evo;
-    const apso::AteResult r =
-        apso::ate(apso::read_trajectory(folder + "groundtruth/" + row.groundtruth + ".txt"),
-                  apso::read_trajectory(folder + "estimated/" + row.estimate + ".txt"), options);
+    const apso::AteResult r = apso::ate(apso::read_trajectory(folder + "groundtruth/" + row.groundtruth + ".txt"),
+                                        apso::read_trajectory(folder + "estimated/" + row.estimate + ".txt"), options);
     CHECK(r.status == apso::Status::Converged);
     CHECK(r.pairs.size() == row.pairs);
     same(r.statistics.rmse, row.rmse);

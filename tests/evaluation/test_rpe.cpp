@@ -75,7 +75,7 @@ TEST_CASE("the two forms: equal angles, lengths as their formulas say") {
   const apso::RpeResult paper = apso::rpe(truth, estimate, options);
   REQUIRE(script.pairs.size() == 1);
   CHECK(script.translation.mean == doctest::Approx(std::sqrt(2.0)));  // (1,0,0) - R_A (1,0,0)
-  CHECK(paper.translation.mean < 1e-12);                             // (1,0,0) - (1,0,0)
+  CHECK(paper.translation.mean < 1e-12);                              // (1,0,0) - (1,0,0)
   CHECK(script.rotation_deg.mean == doctest::Approx(90.0));
   CHECK(paper.rotation_deg.mean == doctest::Approx(90.0));
 }

@@ -2,6 +2,15 @@
 set(_rules ${CMAKE_CURRENT_LIST_DIR}/check_rules.cmake)
 add_test(NAME headers_rules COMMAND ${CMAKE_COMMAND} -DROOT=${PROJECT_SOURCE_DIR} -P ${_rules})
 
+# Formatted as .clang-format says, by the release it was written for: others break lines differently.
+find_program(APSO_CLANG_FORMAT NAMES clang-format-14 clang-format)
+if(APSO_CLANG_FORMAT)
+  execute_process(COMMAND ${APSO_CLANG_FORMAT} --version OUTPUT_VARIABLE _version)
+  if(_version MATCHES "version 14\\.")
+    add_test(NAME format COMMAND ${PROJECT_SOURCE_DIR}/scripts/format.sh --check ${APSO_CLANG_FORMAT})
+  endif()
+endif()
+
 get_target_property(_eigen Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
 find_program(APSO_GXX g++)
 find_program(APSO_CLANGXX clang++)

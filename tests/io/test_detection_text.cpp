@@ -40,7 +40,9 @@ const std::string kGood = "10.5 1 2 30 40 0.5 0\n";
 }  // namespace
 
 TEST_CASE("a log of detections with commas, tabs, a byte order mark and line ends of Windows reads like one without") {
-  for (const std::string& text : {std::string("10.5 1 2 30 40 0.5 15\n"), std::string("\xEF\xBB\xBF" "10.5 1 2 30 40 0.5 15\n"),
+  for (const std::string& text : {std::string("10.5 1 2 30 40 0.5 15\n"),
+                                  std::string("\xEF\xBB\xBF"
+                                              "10.5 1 2 30 40 0.5 15\n"),
                                   std::string("10.5,1,2,30,40,0.5,15\n"), std::string("10.5, 1, 2, 30, 40, 0.5, 15\r\n"),
                                   std::string("# head\n\n\t10.5\t1\t2\t30\t40\t0.5\tcat\n")}) {
     const TemporaryFile file(text);
@@ -53,7 +55,9 @@ TEST_CASE("a log of detections with commas, tabs, a byte order mark and line end
     CHECK(d.class_id == 15);
     CHECK(d.movable);
   }
-  const TemporaryFile yolo("\xEF\xBB\xBF" "0,0.5,0.5,0.25,0.5,0.875\r\n");
+  const TemporaryFile yolo(
+      "\xEF\xBB\xBF"
+      "0,0.5,0.5,0.25,0.5,0.875\r\n");
   REQUIRE(read_detections(yolo.path(), 640, 480).size() == 1);
   CHECK(read_detections(yolo.path(), 640, 480)[0].box.width == 160);
 }
@@ -105,7 +109,9 @@ TEST_CASE("a message has no control character of the file in it, and no long lin
   for (const std::string& text : {log_error("11 1 2 3 40 0.5 \x1b[31mred\x07\n"), log_error("\x1b]0;title\x07 1 2 3 4 5 6\n"),
                                   image_error("\x1b[2J 0.5 0.5 0.2 0.2\n"), image_error("0 0.5 \x1b[2J 0.2 0.2\n"),
                                   image_error("left:\x1b[2J top:2 right:3 bottom:8\n"), image_error("\x01\x02:1\n"),
-                                  image_error("left:1 top:2 right:3 bottom:8 class:\x9b" "31m\n"), image_error(std::string(100000, 'x') + "\n")}) {
+                                  image_error("left:1 top:2 right:3 bottom:8 class:\x9b"
+                                              "31m\n"),
+                                  image_error(std::string(100000, 'x') + "\n")}) {
     REQUIRE_FALSE(text.empty());
     CHECK(text.size() < 400);
     for (const char c : text) {
@@ -119,6 +125,6 @@ TEST_CASE("a folder where a file is expected is named as one") {
   const std::string folder = std::filesystem::temp_directory_path().string();
   CHECK_THROWS_WITH_AS((void)read_detections(folder, 640, 480),
                        (folder + ": is a folder, expected a text file with the detections of an image").c_str(), io_error);
-  CHECK_THROWS_WITH_AS((void)read_class_names(folder), (folder + ": is a folder, expected a text file with one class name per line").c_str(),
-                       io_error);
+  CHECK_THROWS_WITH_AS((void)read_class_names(folder),
+                       (folder + ": is a folder, expected a text file with one class name per line").c_str(), io_error);
 }

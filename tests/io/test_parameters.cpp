@@ -175,7 +175,8 @@ TEST_CASE("YAML that contains itself, doubles with every alias, or is nested wit
   }
   CHECK(contains(message_of(bomb), "more than 10000 values"));
   for (const int depth : {40, 100000}) {
-    const std::string text = message_of("count: " + std::string(static_cast<std::size_t>(depth), '[') + std::string(static_cast<std::size_t>(depth), ']'));
+    const std::string text =
+        message_of("count: " + std::string(static_cast<std::size_t>(depth), '[') + std::string(static_cast<std::size_t>(depth), ']'));
     CHECK_FALSE(text.empty());
   }
 }

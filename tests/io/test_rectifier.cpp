@@ -19,7 +19,9 @@ namespace {
 // A smooth scene on the plane z = 1, in [0,1].
 double shade(double x, double y) { return 0.5 + 0.3 * std::sin(6 * x + 1) * std::cos(5 * y) + 0.2 * x; }
 // ... and its depth: a checker of two planes.
-float plane(double x, double y) { return (static_cast<int>(std::floor(8 * x)) + static_cast<int>(std::floor(8 * y))) % 2 == 0 ? 1.0F : 2.0F; }
+float plane(double x, double y) {
+  return (static_cast<int>(std::floor(8 * x)) + static_cast<int>(std::floor(8 * y))) % 2 == 0 ? 1.0F : 2.0F;
+}
 
 // What a camera sees of both.
 template <class CameraT>

@@ -43,8 +43,7 @@ TEST_CASE("a trajectory with comments, blank lines, tabs, commas, Windows line e
 }
 
 TEST_CASE("malformed lines name line, field and what was expected") {
-  CHECK(failure(std::string(good) + "2.5 1 2 3\n") ==
-        ":2: found 4 fields, expected 8: timestamp tx ty tz qx qy qz qw");
+  CHECK(failure(std::string(good) + "2.5 1 2 3\n") == ":2: found 4 fields, expected 8: timestamp tx ty tz qx qy qz qw");
   CHECK(failure("1.5\n") == ":1: found 1 field, expected 8: timestamp tx ty tz qx qy qz qw");
   CHECK(failure("1.5 1 2 3 0 0 0 1 9\n") == ":1: found 9 fields, expected 8: timestamp tx ty tz qx qy qz qw");
   CHECK(failure("# a\n\n1.5 1 x2 3 0 0 0 1\n") == ":3: field 3 (ty) is 'x2', expected a number");
@@ -58,8 +57,8 @@ TEST_CASE("a file without poses, one that is not there, and a folder") {
   CHECK(failure("").find("no pose found") != std::string::npos);
   CHECK(failure("# only\n\n# comments\n").find("no pose found") != std::string::npos);
   CHECK(failure("1 nan 2 3 0 0 0 1\n").find("no pose found") != std::string::npos);
-  CHECK_THROWS_WITH_AS((void)apso::read_trajectory("/no/such/file.txt"),
-                       "/no/such/file.txt: cannot open, expected a readable text file", apso::io_error);
+  CHECK_THROWS_WITH_AS((void)apso::read_trajectory("/no/such/file.txt"), "/no/such/file.txt: cannot open, expected a readable text file",
+                       apso::io_error);
   CHECK_THROWS_AS((void)apso::read_trajectory("/tmp"), apso::io_error);
 }
 
@@ -71,7 +70,7 @@ TEST_CASE("a binary file fails with a printable message") {
 
 TEST_CASE("lines that are not finite are skipped and reported") {
   const TemporaryFile f(std::string(good) +
-               "2 NaN 2 3 0 0 0 1\n3 1 -inf 3 0 0 0 1\n4 1 2 3 0 0 0 1e999\nnan 1 2 3 0 0 0 1\n6 1 2 3 0 0 0 1\n");
+                        "2 NaN 2 3 0 0 0 1\n3 1 -inf 3 0 0 0 1\n4 1 2 3 0 0 0 1e999\nnan 1 2 3 0 0 0 1\n6 1 2 3 0 0 0 1\n");
   std::vector<std::string> warnings;
   const apso::Trajectory t = apso::read_trajectory(f.path(), &warnings);
   REQUIRE(t.size() == 2);
@@ -179,8 +178,8 @@ TEST_CASE("lists of images") {
   CHECK(list[1].file == "rgb/2.5.png");
   CHECK(warnings.size() == 2);
   const TemporaryFile three("1.5 a b\n");
-  CHECK_THROWS_WITH_AS((void)apso::read_file_list(three.path()),
-                       (three.path() + ":1: found 3 fields, expected 2: timestamp file").c_str(), apso::io_error);
+  CHECK_THROWS_WITH_AS((void)apso::read_file_list(three.path()), (three.path() + ":1: found 3 fields, expected 2: timestamp file").c_str(),
+                       apso::io_error);
   const TemporaryFile name("rgb/1.png 1.5\n");
   CHECK_THROWS_AS((void)apso::read_file_list(name.path()), apso::io_error);
   const TemporaryFile nan("nan rgb/1.png\n");
@@ -198,10 +197,9 @@ TEST_CASE("associations of images") {
   CHECK(list[1].depth_timestamp == 2.4);
   CHECK(list[1].depth_file == "depth/2.4.png");
   const TemporaryFile bad("1.5 rgb/1.5.png depth/1.6.png 1.6\n");
-  CHECK_THROWS_WITH_AS(
-      (void)apso::read_associations(bad.path()),
-      (bad.path() + ":1: field 3 (timestamp of the depth image) is 'depth/1.6.png', expected a number").c_str(),
-      apso::io_error);
+  CHECK_THROWS_WITH_AS((void)apso::read_associations(bad.path()),
+                       (bad.path() + ":1: field 3 (timestamp of the depth image) is 'depth/1.6.png', expected a number").c_str(),
+                       apso::io_error);
   const TemporaryFile two("1.5 rgb/1.5.png\n");
   CHECK_THROWS_AS((void)apso::read_associations(two.path()), apso::io_error);
 }

@@ -28,7 +28,8 @@ double best(const std::vector<double>& cost, std::size_t rows, std::size_t colum
   do {
     std::vector<int> chosen(place.begin(), place.begin() + static_cast<std::ptrdiff_t>(rows));
     bool allowed = true;
-    for (std::size_t i = 0; i < rows; ++i) allowed = allowed && (chosen[i] < 0 || cost[i * columns + static_cast<std::size_t>(chosen[i])] < limit);
+    for (std::size_t i = 0; i < rows; ++i)
+      allowed = allowed && (chosen[i] < 0 || cost[i * columns + static_cast<std::size_t>(chosen[i])] < limit);
     if (allowed) least = std::min(least, total(cost, columns, chosen, limit));
   } while (std::next_permutation(place.begin(), place.end()));
   return least;

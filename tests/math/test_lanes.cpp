@@ -71,9 +71,7 @@ TEST_CASE("the logarithm is that of the standard library") {
 }
 
 TEST_CASE("log1p, exp and expm1 are those of the standard library, also where the result is small") {
-  const auto close = [](float found, double truth) {
-    return std::abs(static_cast<double>(found) - truth) <= 4e-7 * std::abs(truth);
-  };
+  const auto close = [](float found, double truth) { return std::abs(static_cast<double>(found) - truth) <= 4e-7 * std::abs(truth); };
   for (double magnitude = 1e-12; magnitude < 80; magnitude *= 1.01) {
     const auto x = static_cast<float>(magnitude);
     const auto d = static_cast<double>(x);

@@ -12,9 +12,9 @@
 using namespace apso;
 
 namespace {
-const KernelKind kAll[] = {KernelKind::L2,     KernelKind::Huber, KernelKind::PseudoHuber, KernelKind::Fair,
-                           KernelKind::Cauchy, KernelKind::GemanMcClure, KernelKind::Welsch, KernelKind::Tukey,
-                           KernelKind::StudentT, KernelKind::TruncatedL2, KernelKind::Barron, KernelKind::AdaptiveBarron};
+const KernelKind kAll[] = {KernelKind::L2,       KernelKind::Huber,        KernelKind::PseudoHuber, KernelKind::Fair,
+                           KernelKind::Cauchy,   KernelKind::GemanMcClure, KernelKind::Welsch,      KernelKind::Tukey,
+                           KernelKind::StudentT, KernelKind::TruncatedL2,  KernelKind::Barron,      KernelKind::AdaptiveBarron};
 
 // A kernel as a user writes it.
 struct Lorentz {
@@ -57,7 +57,7 @@ void check_lanes(const Kernel& kernel, const Scalar& scalar) {
     CHECK(std::abs(slope - exact) < 1e-3 * s + 1e-4);
   }
 }
-}
+}  // namespace
 
 TEST_CASE("rho is the integral of s w(s), and its derivative is s w(s)") {
   for (const KernelKind kind : kAll) {
@@ -115,8 +115,8 @@ TEST_CASE("a kernel of the user's runs in the same loop") {
 }
 
 TEST_CASE("constants give the stated efficiency") {
-  for (const KernelKind kind : {KernelKind::PseudoHuber, KernelKind::Fair, KernelKind::Cauchy, KernelKind::GemanMcClure,
-                                KernelKind::Welsch, KernelKind::Tukey, KernelKind::Huber}) {
+  for (const KernelKind kind : {KernelKind::PseudoHuber, KernelKind::Fair, KernelKind::Cauchy, KernelKind::GemanMcClure, KernelKind::Welsch,
+                                KernelKind::Tukey, KernelKind::Huber}) {
     CHECK(gaussian_efficiency(RobustKernel{kind}) == doctest::Approx(.95).epsilon(1e-3));
   }
   const double k[] = {.2, .4, .8, 1.6};

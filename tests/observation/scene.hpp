@@ -7,9 +7,9 @@
 #include <vector>
 
 #include <apso/math/se3.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/frame.hpp>
 #include <apso/types/track.hpp>
 
 namespace observation_test {
@@ -29,7 +29,7 @@ struct Scene {
   Image<float> depth;
   Image<float> intensity;
   Image<std::uint8_t> truth;  // 1 = slab
-  bool textured = false;  // else everything is grey
+  bool textured = false;      // else everything is grey
   unsigned state = 1;
 
   /// Grey value of a surface point: waves of 6 to 30 cm, different in every direction.
@@ -145,8 +145,8 @@ class ExactTracks {
 /// A hand-held camera: a few centimetres and degrees to and fro.
 inline Pose hand_held(double t) {
   Twist xi;
-  xi << 0.1 * std::sin(1.1 * t), 0.05 * std::sin(0.7 * t + 1), 0.08 * std::sin(0.9 * t), 0.04 * std::sin(0.8 * t),
-      0.08 * std::sin(0.6 * t), 0.02 * std::sin(1.3 * t);
+  xi << 0.1 * std::sin(1.1 * t), 0.05 * std::sin(0.7 * t + 1), 0.08 * std::sin(0.9 * t), 0.04 * std::sin(0.8 * t), 0.08 * std::sin(0.6 * t),
+      0.02 * std::sin(1.3 * t);
   return se3_exp(xi);
 }
 

@@ -40,8 +40,7 @@ TEST_CASE("dilate equals the maximum over the square, for every radius") {
       for (int x = 0; x < a.width(); ++x) {
         float m = 0;
         for (int j = std::max(0, y - radius); j <= std::min(a.height() - 1, y + radius); ++j)
-          for (int i = std::max(0, x - radius); i <= std::min(a.width() - 1, x + radius); ++i)
-            m = std::max(m, a(i, j));
+          for (int i = std::max(0, x - radius); i <= std::min(a.width() - 1, x + radius); ++i) m = std::max(m, a(i, j));
         equal = equal && d(x, y) == m;
       }
     }

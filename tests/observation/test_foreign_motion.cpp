@@ -39,7 +39,9 @@ struct Both {
         millimetres(foreign::float_millimetres(scene.depth)),
         cloud(foreign::xyz_cloud(scene.depth, 260, 159.5F, 119.5F)),
         intensity(foreign::native(grey)),
-        depth(k % 3 == 0 ? foreign::native(raw, kUnit) : k % 3 == 1 ? foreign::native(millimetres) : scene.depth) {}
+        depth(k % 3 == 0   ? foreign::native(raw, kUnit)
+              : k % 3 == 1 ? foreign::native(millimetres)
+                           : scene.depth) {}
   [[nodiscard]] RgbdFrame native() const { return {time, intensity.view(), depth.view()}; }
   /// Calls f with a frame of foreign images; their types take turns.
   template <class F>
@@ -155,9 +157,9 @@ TEST_CASE("operators and CombinedPolicy are the same, whatever is joined") {
   CHECK(equal(marks(g() | v()), marks(Two(g(), v(), PolicyCombination::Union))));
   CHECK(equal(marks(g() * v()), marks(Two(g(), v(), PolicyCombination::Product))));
   CHECK(equal(marks(g() & v()), marks(Two(g(), v(), PolicyCombination::Gate))));
-  CHECK(equal(marks(g() | v() * g()), marks(CombinedPolicy<GeometricMotion, CombinedPolicy<MultiViewDepth, GeometricMotion>>(
-                                          g(), CombinedPolicy<MultiViewDepth, GeometricMotion>(v(), g(), PolicyCombination::Product),
-                                          PolicyCombination::Union))));
+  CHECK(equal(marks(g() | v() * g()),
+              marks(CombinedPolicy<GeometricMotion, CombinedPolicy<MultiViewDepth, GeometricMotion>>(
+                  g(), CombinedPolicy<MultiViewDepth, GeometricMotion>(v(), g(), PolicyCombination::Product), PolicyCombination::Union))));
   CHECK_FALSE(equal(marks(g() | v()), marks(g() * v())));
 }
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include <apso/observation/geometry/flow_residual.hpp>
-#include <apso/observation/policies/geometric_motion.hpp>
 #include <apso/observation/geometry/track_claims.hpp>
+#include <apso/observation/policies/geometric_motion.hpp>
 
 #include "scene.hpp"
 
@@ -258,9 +258,7 @@ TEST_CASE("a track that leaves its static prediction is a seed") {
   tracks.push_back({100, 50, 60, 10, 60, 0});   // begins here: has no past
   std::vector<float> scratch;
   std::vector<FlowPoint> points;
-  const auto moving = [&] {
-    return std::count_if(points.begin(), points.end(), [](const FlowPoint& p) { return p.moving; });
-  };
+  const auto moving = [&] { return std::count_if(points.begin(), points.end(), [](const FlowPoint& p) { return p.moving; }); };
   flow_residuals(tracks, c, Pose::Identity(), depth, 4, points);
   CHECK(points.size() == 21);
   mark_moving(3.0, 0.15, scratch, points);
@@ -311,8 +309,7 @@ TEST_CASE("surfaces go with the nearest track along them") {
     for (int x = 30; x < 45; ++x) depth(x, y) = 2.0F;  // a body before a wall
   }
   const auto at = [](int x, int y, float dx, bool moving) {
-    return FlowPoint{4.0F * static_cast<float>(x) + 1.5F, 4.0F * static_cast<float>(y) + 1.5F, dx, 0, std::abs(dx), 0, true,
-                     moving};
+    return FlowPoint{4.0F * static_cast<float>(x) + 1.5F, 4.0F * static_cast<float>(y) + 1.5F, dx, 0, std::abs(dx), 0, true, moving};
   };
   std::vector<FlowPoint> points{at(34, 25, 6, true), at(40, 30, 6, true), at(36, 40, 5, true)};
   for (int x = 4; x < 80; x += 8) points.push_back(at(x, 8, 0, false));

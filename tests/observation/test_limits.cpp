@@ -47,8 +47,7 @@ TEST_CASE("an expression of a hundred names and brackets is read, a longer one i
   const std::string limit = "more than 100 names and brackets";
   CHECK(error_of(repeated("(", 100) + "none" + repeated(")", 100)).find(limit) != std::string::npos);
   for (const std::string& huge : {repeated("(", 20000), repeated("(", 20000) + "none" + repeated(")", 20000), repeated("around(", 20000),
-                                  repeated("none * ", 20000) + "none", repeated("none | ", 20000) + "none",
-                                  repeated("none & (", 20000)}) {
+                                  repeated("none * ", 20000) + "none", repeated("none | ", 20000) + "none", repeated("none & (", 20000)}) {
     const std::string error = error_of(huge);
     CHECK(error.find(limit) != std::string::npos);
     CHECK(error.size() < 300);  // quotes the beginning only
@@ -117,9 +116,23 @@ TEST_CASE("a mask of countless regions gives at most three hundred objects") {
 
 TEST_CASE("the small pixel of a point is the one that covers it, and coordinates beyond any integer are outside") {
   std::mt19937 rng(5);
-  std::vector<float> values{0.0F, -0.0F, -0.5F, -0.500001F, 0.49F, 1e10F, -1e10F, 3.4e38F, -3.4e38F, 2147483647.0F, 2147483648.0F,
-                            -2147483649.0F, 4294967296.0F, 9.3e18F, std::numeric_limits<float>::infinity(),
-                            -std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN(),
+  std::vector<float> values{0.0F,
+                            -0.0F,
+                            -0.5F,
+                            -0.500001F,
+                            0.49F,
+                            1e10F,
+                            -1e10F,
+                            3.4e38F,
+                            -3.4e38F,
+                            2147483647.0F,
+                            2147483648.0F,
+                            -2147483649.0F,
+                            4294967296.0F,
+                            9.3e18F,
+                            std::numeric_limits<float>::infinity(),
+                            -std::numeric_limits<float>::infinity(),
+                            std::numeric_limits<float>::quiet_NaN(),
                             std::numeric_limits<float>::denorm_min()};
   const auto random_value = [&](int size) {
     if (rng() % 3 == 0) return values[rng() % values.size()];

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
+#include <apso/observation/combined_policy.hpp>
 #include <apso/observation/policies/cluster_residual.hpp>
 #include <apso/observation/policies/epipolar_motion.hpp>
 #include <apso/observation/policies/geometric_motion.hpp>
-#include <apso/observation/combined_policy.hpp>
 #include <apso/observation/policies/multiview_depth.hpp>
 #include <apso/observation/policies/residual_motion.hpp>
 #include <apso/testing/numeric_jacobian.hpp>
@@ -193,11 +193,12 @@ void survives(Policy policy) {
     std::vector<PointTrack> tracks;
     for (int i = 0; i < 30; ++i) tracks.push_back({i, nan, 10, 10, nan, k});
     for (int i = 30; i < 60; ++i) tracks.push_back({i, 1e30F, -1e30F, 5, 5, k});
-    for (int i = 60; i < 90; ++i) tracks.push_back({i, 50, 50, 50, 50, k});  // all at one place: no geometry
+    for (int i = 60; i < 90; ++i) tracks.push_back({i, 50, 50, 50, 50, k});             // all at one place: no geometry
     policy.observe(s.frame(k % 3 == 0 ? 0.0 : k / 30.0), Pose::Identity(), tracks, m);  // stamps that go back
     policy.remember(s.frame(k / 30.0), Pose::Identity(), m);
     bool sane = true;
-    for (std::size_t i = 0; i < m.probability.size(); ++i) sane = sane && m.probability.data()[i] >= 0.0F && m.probability.data()[i] <= 1.0F;
+    for (std::size_t i = 0; i < m.probability.size(); ++i)
+      sane = sane && m.probability.data()[i] >= 0.0F && m.probability.data()[i] <= 1.0F;
     CHECK(sane);
     CHECK(dynamic_ratio(m) < 0.02);
   }

@@ -6,12 +6,12 @@
 #include <string>
 #include <vector>
 
+#include <apso/observation/combined_policy.hpp>
 #include <apso/observation/policies/depth_refined_mask.hpp>
 #include <apso/observation/policies/mask_propagation.hpp>
-#include <apso/observation/combined_policy.hpp>
+#include <apso/observation/policies/temporal_filter.hpp>
 #include <apso/observation/policy_expression.hpp>
 #include <apso/observation/soft_weights.hpp>
-#include <apso/observation/policies/temporal_filter.hpp>
 
 #include "scene.hpp"
 
@@ -24,7 +24,7 @@ using observation_test::Slab;
 
 /// Says what it is told to: a rectangle per call, or detections.
 struct Told {
-  std::vector<Box> boxes;             // one per call, the last repeats; an empty box = nothing
+  std::vector<Box> boxes;  // one per call, the last repeats; an empty box = nothing
   std::vector<Detection> objects;
   float value = 1.0F;
   bool outside_known = true;
@@ -297,7 +297,7 @@ TEST_CASE("temporal-filter: single frames are smoothed away, real changes come t
   Told flicker = told({100, 60, 100, 100});
   flicker.boxes.clear();
   for (int k = 0; k < 60; ++k) {
-    const bool drop = k % 4 == 3;                                   // every fourth look misses the object
+    const bool drop = k % 4 == 3;  // every fourth look misses the object
     flicker.boxes.push_back(k >= 40 || drop ? Box{} : Box{100, 60, 100, 100});
   }
   TemporalFilter<Told> policy(flicker, camera());

@@ -57,7 +57,8 @@ TEST_CASE("a camera that cannot be is refused with line, field and range") {
   for (const char* bad : {"1e300", "1e-300", "0", ".inf"}) {
     CHECK(has(with("fx", bad), (std::string(":1: field fx is ") + bad + ", expected a number in [0.001, 1e+06]").c_str()));
     CHECK(has(with("fy", bad), ":2: field fy is "));
-    CHECK(has(with("depth_scale", bad), (std::string(":7: field depth_scale is ") + bad + ", expected a number in [0.001, 1e+09]").c_str()));
+    CHECK(
+        has(with("depth_scale", bad), (std::string(":7: field depth_scale is ") + bad + ", expected a number in [0.001, 1e+09]").c_str()));
   }
   CHECK(has(with("cy", "-1e300"), ":4: field cy is -1e300, expected a number in [-1e+06, 1e+06]"));
   CHECK(has(with("width", "100000"), ":5: field width is 100000, expected a number in [1, 32767]"));

@@ -53,9 +53,7 @@ struct Picture {
     cv::rectangle(bgr, cv::Rect(x, y, side, side), red ? cv::Scalar(0, 0, 255) : cv::Scalar(255, 0, 0), cv::FILLED);
     return *this;
   }
-  [[nodiscard]] RgbdFrame frame() const {
-    return {0, depth, depth, {reinterpret_cast<const Bgr8*>(bgr[0]), bgr.cols, bgr.rows}};
-  }
+  [[nodiscard]] RgbdFrame frame() const { return {0, depth, depth, {reinterpret_cast<const Bgr8*>(bgr[0]), bgr.cols, bgr.rows}}; }
 };
 
 opencv::DnnOptions small_input() {
@@ -202,8 +200,8 @@ TEST_CASE("outputs: the forms that no tiny network has") {
   const int rows_shape[4] = {1, 1, 2, 7};
   const int masks_shape[4] = {2, 2, 2, 2};
   found = opencv::decode({"detection_out_final", "detection_masks"},
-                         {cv::Mat(4, rows_shape, CV_32F, rows), cv::Mat(4, masks_shape, CV_32F, masks)},
-                         opencv::NetworkHead::Auto, 100, 200, 0.5F);
+                         {cv::Mat(4, rows_shape, CV_32F, rows), cv::Mat(4, masks_shape, CV_32F, masks)}, opencv::NetworkHead::Auto, 100,
+                         200, 0.5F);
   REQUIRE(found.objects.size() == 1);
   CHECK(found.objects[0].box.x == doctest::Approx(25));
   CHECK(found.objects[0].box.height == doctest::Approx(50));
@@ -259,11 +257,12 @@ TEST_CASE("detections in text: YOLO's shares of the image, and pairs of name and
   CHECK(yolo[1].class_id == 56);
   CHECK(yolo[1].score == 1.0F);
   CHECK_FALSE(yolo[1].movable);
-  const auto pairs = read_detections(
-      f.write("b.txt", "left:1 top:134 right:269 bottom:478 class:person 0.79\r\n"
-                       "left: 10, top: 20, width: 30, height: 40, class: traffic light, score: 0.5\n"
-                       "left:5 top:6 right:7 bottom:8 class:dining table 0.25\nleft:5 top:6 right:7 bottom:8 class:16\n"),
-      640, 480);
+  const auto pairs =
+      read_detections(f.write("b.txt",
+                              "left:1 top:134 right:269 bottom:478 class:person 0.79\r\n"
+                              "left: 10, top: 20, width: 30, height: 40, class: traffic light, score: 0.5\n"
+                              "left:5 top:6 right:7 bottom:8 class:dining table 0.25\nleft:5 top:6 right:7 bottom:8 class:16\n"),
+                      640, 480);
   REQUIRE(pairs.size() == 4);
   CHECK(pairs[0].class_id == 0);
   CHECK(pairs[0].score == 0.79F);
@@ -277,8 +276,8 @@ TEST_CASE("detections in text: YOLO's shares of the image, and pairs of name and
   CHECK(pairs[2].score == 0.25F);
   CHECK(pairs[3].class_id == 16);
   CHECK(pairs[3].score == 1.0F);
-  for (const char* bad : {"0 0.5 0.5 0.25", "0 0.5 x 0.25 0.5", "0 320 240 100 100", "martian 0.5 0.5 0.2 0.2",
-                          "left:1 top:2 class:person", "left:9 top:2 right:3 bottom:8 class:person", "left:1 top:2 right:3 bottom:8 class:person 1.5",
+  for (const char* bad : {"0 0.5 0.5 0.25", "0 0.5 x 0.25 0.5", "0 320 240 100 100", "martian 0.5 0.5 0.2 0.2", "left:1 top:2 class:person",
+                          "left:9 top:2 right:3 bottom:8 class:person", "left:1 top:2 right:3 bottom:8 class:person 1.5",
                           "left:1 top:2 right:3 bottom:8 class:nobody 0.5"}) {
     CAPTURE(bad);
     try {
@@ -293,7 +292,8 @@ TEST_CASE("detections in text: YOLO's shares of the image, and pairs of name and
 
 TEST_CASE("a log for a sequence, and a folder with a file per image") {
   const Folder f("log");
-  const std::string log = f.write("all.txt", "# stamp left top width height score class\n10.0 1 2 30 40 0.5 0\n10.0 5 6 7 8 0.9 56\n10.033 1 2 3 4 1 0\n");
+  const std::string log =
+      f.write("all.txt", "# stamp left top width height score class\n10.0 1 2 30 40 0.5 0\n10.0 5 6 7 8 0.9 56\n10.033 1 2 3 4 1 0\n");
   DetectionLog one(log, 640, 480);
   CHECK(one.at(10.004).size() == 2);
   CHECK(one.at(10.03).size() == 1);
@@ -366,7 +366,8 @@ TEST_CASE("a mask of any depth and number of channels: what is not 0 in a colour
   CHECK(read((cv::Mat_<ushort>(1, 6) << 0, 1, 255, 256, 512, 65535)) == std::vector<int>{0, 1, 255, 255, 255, 255});
   CHECK(read((cv::Mat_<cv::Vec3b>(1, 3) << cv::Vec3b(0, 0, 0), cv::Vec3b(1, 0, 0), cv::Vec3b(2, 9, 3))) == std::vector<int>{0, 1, 9});
   CHECK(read((cv::Mat_<cv::Vec4b>(1, 2) << cv::Vec4b(0, 0, 0, 255), cv::Vec4b(0, 4, 0, 255))) == std::vector<int>{0, 4});
-  CHECK_THROWS_WITH_AS((void)opencv::read_mask(file, {3, 1}), doctest::Contains("the mask is 2x1, expected the size of the images, 3x1"), io_error);
+  CHECK_THROWS_WITH_AS((void)opencv::read_mask(file, {3, 1}), doctest::Contains("the mask is 2x1, expected the size of the images, 3x1"),
+                       io_error);
   std::ofstream(file) << "no image";
   CHECK_THROWS_AS((void)opencv::read_mask(file, {2, 1}), io_error);
 }
@@ -395,7 +396,8 @@ TEST_CASE("every policy can be had by its name, alone and combined, and runs") {
       policy.remember(f.rgbd(), f.T_world_camera, m);
     }
     CHECK(m.probability.width() == 320);
-    const bool needs_more = text == "none" || text == "epipolar" || text == "hog-people" || text == "semantic" || text == "semantic & motion";
+    const bool needs_more =
+        text == "none" || text == "epipolar" || text == "hog-people" || text == "semantic" || text == "semantic & motion";
     if (!needs_more) CHECK(dynamic_ratio(m) > 0.01);
   }
 }
@@ -453,7 +455,8 @@ TEST_CASE("outputs that are no numbers give no objects") {
     float box[4] = {10, 20, 40, 80};
     float label = bad;
     float score = 0.9F;
-    const auto found = opencv::decode({"boxes", "labels", "scores"}, {cv::Mat(1, 4, CV_32F, box), cv::Mat(1, 1, CV_32F, &label), cv::Mat(1, 1, CV_32F, &score)},
+    const auto found = opencv::decode({"boxes", "labels", "scores"},
+                                      {cv::Mat(1, 4, CV_32F, box), cv::Mat(1, 1, CV_32F, &label), cv::Mat(1, 1, CV_32F, &score)},
                                       opencv::NetworkHead::Rcnn, 64, 64, 0.5F);
     CHECK(found.objects.empty());
   }

@@ -154,8 +154,7 @@ TEST_CASE("masked features are not used, and nothing masked becomes a landmark")
     for (int x = 0; x < kCamera.width / 2; ++x) mask(x, y) = 1.0F;
   wall.render(path(0), run.gray, run.intensity, run.depth);
   run.step(tracker, 0, mask);
-  for (const MapLandmark& l : tracker.map().landmarks())
-    CHECK(kCamera.project(l.point).x() >= kCamera.width / 2 - 1);
+  for (const MapLandmark& l : tracker.map().landmarks()) CHECK(kCamera.project(l.point).x() >= kCamera.width / 2 - 1);
   CHECK(tracker.landmarks() > 50);
 }
 

@@ -119,8 +119,7 @@ TEST_CASE("files of the lists are in the folder, and a link that leads nowhere i
 TEST_CASE("unsorted and repeated stamps are put right with a warning") {
   const Recording r("unsorted");
   r.good(3);
-  r.text("associations.txt",
-         "0.2 rgb/1.png 0.2 depth/1.png\n0.1 rgb/0.png 0.1 depth/0.png\n0.2 rgb/2.png 0.2 depth/2.png\n");
+  r.text("associations.txt", "0.2 rgb/1.png 0.2 depth/1.png\n0.1 rgb/0.png 0.1 depth/0.png\n0.2 rgb/2.png 0.2 depth/2.png\n");
   const RgbdSequence s(r.path(), small_camera());
   REQUIRE(s.size() == 2);
   CHECK(s.timestamp(0) == 0.1);

@@ -25,7 +25,8 @@ Views render(const apso::Pinhole& camera, const apso::Pose& T_world_camera) {
       const double z = (2.0 - n.dot(origin)) / n.dot(ray);
       const Eigen::Vector3d p = origin + z * ray;
       v.depth(x, y) = static_cast<float>(z);
-      v.intensity(x, y) = static_cast<float>(0.5 + 0.2 * std::sin(9 * p.x()) * std::cos(7 * p.y()) + 0.2 * std::sin(23 * p.y() + 4 * p.x()));
+      v.intensity(x, y) =
+          static_cast<float>(0.5 + 0.2 * std::sin(9 * p.x()) * std::cos(7 * p.y()) + 0.2 * std::sin(23 * p.y() + 4 * p.x()));
     }
   }
   return v;

@@ -98,9 +98,8 @@ TEST_CASE("foreign images, poses, keypoints, tracks and detections give what nat
     const Host host(i);
     const auto T = from_pose<foreign::DualQuaternionPose>(host.pose);
     const Observation& a = native.observe(host.frame.rgbd(), host.pose, host.tracks, host.detections);
-    const Observation& b =
-        pipeline.observe(frame(host.frame.timestamp, host.grey, scaled(host.raw, kUnit), camera), T,
-                         foreign::features(host.tracks), host.boxes);
+    const Observation& b = pipeline.observe(frame(host.frame.timestamp, host.grey, scaled(host.raw, kUnit), camera), T,
+                                            foreign::features(host.tracks), host.boxes);
     CHECK(a.dynamic_ratio == doctest::Approx(b.dynamic_ratio).epsilon(1e-9));
     CHECK(a.objects.size() == b.objects.size());
     native.assess(host.keypoints, host.tracks, {host.pose, host.pose, true});
@@ -195,9 +194,7 @@ TEST_CASE("a mask is an image of labels, of probabilities, or a DynamicMask; a n
   PipelineOptions options;
   options.motion = false;
   Pipeline pipeline(camera, options);
-  const auto ratio = [&](const auto& mask) {
-    return pipeline.observe(host.frame.rgbd(), host.pose, none, none, mask).dynamic_ratio;
-  };
+  const auto ratio = [&](const auto& mask) { return pipeline.observe(host.frame.rgbd(), host.pose, none, none, mask).dynamic_ratio; };
   Image<std::uint16_t> labels(320, 240, 0);
   Image<float> probability(320, 240, 0.0F);
   DynamicMask mask;

@@ -290,15 +290,15 @@ TEST_CASE("wrong calls are refused") {
 TEST_CASE("the paper as one setting: valid, unlike the defaults in every module, and it runs to the end") {
   PipelineOptions paper = paper_options();
   const PipelineOptions defaults;
-  CHECK(paper.assessor.decision.polarity != defaults.assessor.decision.polarity);                  // (6)
-  CHECK(paper.assessor.benchmark.hand_over != defaults.assessor.benchmark.hand_over);              // (10)
+  CHECK(paper.assessor.decision.polarity != defaults.assessor.decision.polarity);      // (6)
+  CHECK(paper.assessor.benchmark.hand_over != defaults.assessor.benchmark.hand_over);  // (10)
   CHECK(paper.refine != defaults.refine);
   CHECK(paper.refiner.memory.previous != defaults.refiner.memory.previous);
-  CHECK(paper.refiner.memory.form != defaults.refiner.memory.form);                                // (12)
-  CHECK(paper.refiner.alignment.illumination != defaults.refiner.alignment.illumination);          // (13)
-  CHECK(paper.refiner.alignment.alpha_place != defaults.refiner.alignment.alpha_place);            // (15)
-  CHECK(paper.refiner.memory.decay_form != defaults.refiner.memory.decay_form);                    // (16)
-  CHECK(paper.refiner.blend.weight != defaults.refiner.blend.weight);                              // (17)
+  CHECK(paper.refiner.memory.form != defaults.refiner.memory.form);                        // (12)
+  CHECK(paper.refiner.alignment.illumination != defaults.refiner.alignment.illumination);  // (13)
+  CHECK(paper.refiner.alignment.alpha_place != defaults.refiner.alignment.alpha_place);    // (15)
+  CHECK(paper.refiner.memory.decay_form != defaults.refiner.memory.decay_form);            // (16)
+  CHECK(paper.refiner.blend.weight != defaults.refiner.blend.weight);                      // (17)
   CHECK_NOTHROW(validate(paper, "paper"));
   paper.assessor.initialisation.frames = 5;
   Host host("static_xyz", 0, paper);

@@ -154,8 +154,7 @@ TEST_CASE("measures of spread: range, order, resolution") {
   Lcg random;
   std::vector<Keypoint> even, clustered, scattered;
   for (int i = 0; i < 300; ++i) {
-    even.push_back(
-        {16.F + 32.F * static_cast<float>(i % 20), 16.F + 32.F * static_cast<float>(i / 20), random(), 0, 0});
+    even.push_back({16.F + 32.F * static_cast<float>(i % 20), 16.F + 32.F * static_cast<float>(i / 20), random(), 0, 0});
     scattered.push_back({640 * random(), 480 * random(), random(), 0, 0});
     clustered.push_back({300 + 20 * random(), 200 + 20 * random(), random(), 0, 0});
   }
@@ -178,8 +177,7 @@ TEST_CASE("measures of spread: range, order, resolution") {
   CHECK(coverage_spread({{0, 0, 1, 0, 0}, {640, 480, 1, 0, 0}}, 640, 480) == 1);
 
   FeatureScratch scratch;
-  for (const Uniformity u :
-       {Uniformity::EntropyOccupancy, Uniformity::Participation, Uniformity::Coverage, Uniformity::Covering}) {
+  for (const Uniformity u : {Uniformity::EntropyOccupancy, Uniformity::Participation, Uniformity::Coverage, Uniformity::Covering}) {
     FeatureOptions o;
     o.uniformity = u;
     const auto unif = [&](const std::vector<Keypoint>& p) {
@@ -277,7 +275,8 @@ TEST_CASE("the threshold found by calibration is the one that the decision finds
 TEST_CASE("a table of scores and measurements holds all that calibration needs") {
   const Image<float> depth(640, 480, 2.F);
   std::vector<PointTrack> tracks;
-  for (int i = 0; i < 400; ++i) tracks.push_back({i, 16.F + 30.F * static_cast<float>(i % 20), 10.F + 20.F * static_cast<float>(i / 20), 0, 0, 5});
+  for (int i = 0; i < 400; ++i)
+    tracks.push_back({i, 16.F + 30.F * static_cast<float>(i % 20), 10.F + 20.F * static_cast<float>(i / 20), 0, 0, 5});
   SceneAssessor assessor({525, 525, 319.5, 239.5, 640, 480});
   std::vector<CalibrationSample> measured, read;
   for (int n = 0; n < 40; ++n) {
@@ -287,7 +286,8 @@ TEST_CASE("a table of scores and measurements holds all that calibration needs")
     in.tracks = &tracks;
     measured.push_back({assessor.assess(in), false});
     std::map<std::string, double> table;
-    for_each_score(measured.back().assessment, [&](const char* name, const auto& v, double, Better) { table[name] = v ? *v : std::nan(""); });
+    for_each_score(measured.back().assessment,
+                   [&](const char* name, const auto& v, double, Better) { table[name] = v ? *v : std::nan(""); });
     for_each_measurement(measured.back().assessment, [&](const std::string& name, double v) { table[name] = v; });
     CalibrationSample s;
     read_scores(s.assessment, [&](const std::string& name) { return table.at(name); });

@@ -106,8 +106,7 @@ TEST_CASE("S_spatial, background availability") {
   const double uniform = std::numeric_limits<double>::infinity();
   CHECK(spatial_score({object(0, 0, 101, 25)}, 101, 100, {}, scratch, uniform)->value() == Approx(.75).epsilon(1e-6));
   // centred objects hide more than those in a corner
-  CHECK(spatial_score({object(270, 190, 100, 100)}, 640, 480)->value() <
-        spatial_score({object(0, 0, 100, 100)}, 640, 480)->value());
+  CHECK(spatial_score({object(270, 190, 100, 100)}, 640, 480)->value() < spatial_score({object(0, 0, 100, 100)}, 640, 480)->value());
   // removing an object never lowers the score
   std::vector<Detection> objects;
   double last = 1;

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include <apso/math/se3.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/frame.hpp>
 
 namespace room {
 
@@ -22,8 +22,8 @@ inline apso::Pinhole camera(int width = 320) {
 
 inline double lattice(int i, int j, int face) {
   // unsigned, whose products wrap
-  std::uint32_t h = static_cast<std::uint32_t>(i) * 73856093U ^ static_cast<std::uint32_t>(j) * 19349663U ^
-                    static_cast<std::uint32_t>(face) * 83492791U;
+  std::uint32_t h =
+      static_cast<std::uint32_t>(i) * 73856093U ^ static_cast<std::uint32_t>(j) * 19349663U ^ static_cast<std::uint32_t>(face) * 83492791U;
   h = (h ^ (h >> 16)) * 0x7feb352dU;
   h = (h ^ (h >> 15)) * 0x846ca68bU;
   return static_cast<double>((h ^ (h >> 16)) & 0xffffU) / 65535.0;

@@ -54,8 +54,7 @@ TEST_CASE("rows and single pixels give the same answer, and so does a camera typ
   const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
   const room::Frame c = room::render(kCamera, kTruth, {}, 2);
   const PairAlignment a = align(r.intensity, r.depth, c.intensity, c.depth, kCamera);
-  const PairAlignment b =
-      align(Slow{r.intensity}, Slow{r.depth}, Slow{c.intensity}, Slow{c.depth}, kCamera, Pose::Identity());
+  const PairAlignment b = align(Slow{r.intensity}, Slow{r.depth}, Slow{c.intensity}, Slow{c.depth}, kCamera, Pose::Identity());
   REQUIRE(a.status == Status::Converged);
   CHECK((a.T_current_reference.matrix().array() == b.T_current_reference.matrix().array()).all());
   CHECK((a.detail.information.array() == b.detail.information.array()).all());

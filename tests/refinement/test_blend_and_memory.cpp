@@ -277,7 +277,7 @@ TEST_CASE("with a transition the direct pose gains its weight as S_final falls b
   const double full = blend(Tf, Td, Tf, e, o).w_eff;
   CHECK(full == doctest::Approx(std::exp(-2.0)));
   o.transition = .05;
-  CHECK(blend(Tf, Td, Tf, e, o).w_eff == full);    // nobody says how far below
+  CHECK(blend(Tf, Td, Tf, e, o).w_eff == full);  // nobody says how far below
   double last = 1;
   for (const double below : {-.01, 0.0, .01, .025, .04, .05, .2}) {
     e.below_threshold = below;

@@ -5,9 +5,9 @@
 
 #include <doctest/doctest.h>
 
-#include <apso/refinement/start/corner_search.hpp>
 #include <apso/refinement/aligner.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
+#include <apso/refinement/start/corner_search.hpp>
 
 #include "room.hpp"
 
@@ -71,7 +71,8 @@ TEST_CASE("a motion of 30 cm and 20 degrees is guessed from corners") {
     CAPTURE(seed);
     const double a = 0.8 * seed;
     const Pose T = room::pose(.3 * std::cos(a), .05, .3 * std::sin(a), 5 * std::sin(2 * a), 18 * std::cos(a), 8 * std::sin(a));
-    const std::vector<Pose> found = search(room::render(kCamera, Pose::Identity(), {}, 2 * seed), room::render(kCamera, T, {}, 2 * seed + 1));
+    const std::vector<Pose> found =
+        search(room::render(kCamera, Pose::Identity(), {}, 2 * seed), room::render(kCamera, T, {}, 2 * seed + 1));
     REQUIRE(!found.empty());
     CHECK(nearest({found.front()}, T) < .04);  // two pixels
   }

@@ -47,9 +47,7 @@ TEST_CASE("from a pose that is near, nothing else need be tried; from one that i
   options.multi_start_threshold = 0;  // searches always
   DirectAligner aligner(options);
   const std::vector<AlignmentReference> references{{&p.reference, Pose::Identity(), 1}};
-  const auto error = [&](const AlignmentResult& r) {
-    return succeeded(r.status) ? room::translation_error(r.T_world_camera, truth) : 1.0;
-  };
+  const auto error = [&](const AlignmentResult& r) { return succeeded(r.status) ? room::translation_error(r.T_world_camera, truth) : 1.0; };
   const Pose near = compose(truth, room::pose(.01, -.005, .005, .3, -.4, .2));
   CHECK(error(aligner.align_near(references, p.current, near)) < .003);
   CHECK(error(aligner.align(references, p.current, {near})) < .003);

@@ -44,8 +44,8 @@ struct TwoFrames {
 };
 }  // namespace
 
-TEST_CASE_TEMPLATE("align takes any images, and gives the motion as the type of the guess", PoseT, DualQuaternionPose,
-                   RowMajor3x4Pose, Pose) {
+TEST_CASE_TEMPLATE("align takes any images, and gives the motion as the type of the guess", PoseT, DualQuaternionPose, RowMajor3x4Pose,
+                   Pose) {
   const TwoFrames r(Pose::Identity(), 1), c(kTruth, 2);
   const PairAlignment<> own = align(r.own_grey, r.own_depth, c.own_grey, c.own_depth, kCamera);
   REQUIRE(succeeded(own.status));
@@ -158,8 +158,8 @@ TEST_CASE("the grids of a frame are those of any image and of any list of tracks
   CHECK(flow_grid(none, 320, 240).cells[0].tracks == 0);
 }
 
-TEST_CASE_TEMPLATE("memory and refiner take any images and poses, and give the pose back as its type", PoseT,
-                   DualQuaternionPose, RowMajor3x4Pose) {
+TEST_CASE_TEMPLATE("memory and refiner take any images and poses, and give the pose back as its type", PoseT, DualQuaternionPose,
+                   RowMajor3x4Pose) {
   Refiner own(kCamera), theirs(kCamera);
   // poses that both types hold: as read back from the foreign one
   const auto as_held = [](const Pose& T) { return to_pose(from_pose<PoseT>(T)); };

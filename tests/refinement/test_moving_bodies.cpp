@@ -20,8 +20,7 @@ struct Aligned {
   double error = 0;  // [m]
 };
 
-Aligned run(const room::Frame& r, const room::Frame& c, const Pose& T_world_current, bool mask,
-            const AlignmentOptions& options = {}) {
+Aligned run(const room::Frame& r, const room::Frame& c, const Pose& T_world_current, bool mask, const AlignmentOptions& options = {}) {
   PyramidOptions o;
   o.finest = 0;
   FramePyramid reference, current;
@@ -153,8 +152,8 @@ TEST_CASE("a motion far beyond the reach of one descent is found from other star
   int right_one = 0;
   for (unsigned seed = 1; seed <= 12; ++seed) {
     const double a = 0.9 * seed;
-    const Pose T = room::pose(.2 * std::cos(a), .05 * std::sin(2 * a), .2 * std::sin(a), 8 * std::sin(3 * a),
-                              14 * std::cos(2 * a), 6 * std::cos(a));
+    const Pose T =
+        room::pose(.2 * std::cos(a), .05 * std::sin(2 * a), .2 * std::sin(a), 8 * std::sin(3 * a), 14 * std::cos(2 * a), 6 * std::cos(a));
     const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 2 * seed);
     const room::Frame c = room::render(kCamera, T, {}, 2 * seed + 1);
     right += run(r, c, T, false).error < .005 ? 1 : 0;

@@ -53,9 +53,7 @@ Views look_at_wall(const Pinhole& camera, const Brightness& brightness, const Po
 
 const Pinhole kCamera{262.5, 262.5, 159.5, 119.5, 320, 240};
 
-PairAlignment<> align_views(const Views& v) {
-  return align(v.reference_intensity, v.reference_depth, v.intensity, v.depth, kCamera);
-}
+PairAlignment<> align_views(const Views& v) { return align(v.reference_intensity, v.reference_depth, v.intensity, v.depth, kCamera); }
 
 // Squares of random brightness.
 double patches(double x, double y) {
@@ -97,7 +95,8 @@ TEST_CASE("a wall with stripes leaves the direction along them open, and says so
 
 TEST_CASE("a bare wall leaves three directions open") {
   for (unsigned seed = 1; seed <= 3; ++seed) {
-    const PairAlignment<> r = align_views(look_at_wall(kCamera, [](double, double) { return 0.5; }, kMotion, seed, 3));
+    const PairAlignment<> r = align_views(look_at_wall(
+        kCamera, [](double, double) { return 0.5; }, kMotion, seed, 3));
     CHECK(r.detail.degenerate_count >= 3);
     CHECK(r.confidence == 0);
   }

@@ -136,9 +136,8 @@ TEST_CASE("with esm, the mean of the gradients of both images is used, turned in
     if (o.valid[i] == 0 || checked++ % 37 != 0) return;
     const Eigen::Vector3d X(lane(o.X[0], i), lane(o.X[1], i), lane(o.X[2], i));
     const Eigen::Vector3d Y = T * X;
-    const Eigen::Vector3d mean =
-        .5 * (kCamera.project_jacobian(X).transpose() * Eigen::Vector2d(.004, .003) +
-              T.linear().transpose() * kCamera.project_jacobian(Y).transpose() * Eigen::Vector2d(.006, -.002));
+    const Eigen::Vector3d mean = .5 * (kCamera.project_jacobian(X).transpose() * Eigen::Vector2d(.004, .003) +
+                                       T.linear().transpose() * kCamera.project_jacobian(Y).transpose() * Eigen::Vector2d(.006, -.002));
     const Eigen::Vector3d a(lane(o.I[0], i), lane(o.I[1], i), lane(o.I[2], i));
     CHECK((a - mean).norm() < 1e-3 * mean.norm());
   });
@@ -163,70 +162,73 @@ TEST_CASE("the fused pass sums what a plain loop in double sums, for every kerne
   scales.scale_depth = .6;
   scales.alpha = 2;
   for (const AlphaPlace place : {AlphaPlace::Outside, AlphaPlace::Inside})
-  for (const NoiseForm form : {NoiseForm::Sensor, NoiseForm::StaticFusion}) {
-    scales.place = place;
-    for (int kind = 0; kind <= static_cast<int>(KernelKind::AdaptiveBarron); ++kind) {
-      RobustKernel kernel;
-      kernel.kind = static_cast<KernelKind>(kind);
-      NoiseOptions noise_options;
-      noise_options.form = form;
-      const NoiseModel noise(noise_options);
-      const Warper warp(current.level(0), T, {1.02F, -.01F}, {}, 1.0F, 1.0F);
-      TileSummer summer(warp, NoiseRef(noise), KernelRef(kernel), scales), cost_alone(warp, NoiseRef(noise), KernelRef(kernel), scales);
-      NormalEquations sum, plain;
-      double cost = 0, weight = 0, plain_cost = 0, plain_weight = 0;
-      int plain_valid = 0;
-      for (const PixelList::Tile& tile : list.tiles) {
-        TileSums s;
-        summer(list, tile, s);
-        sum += s.equations();
-        cost += static_cast<double>(s.cost);
-        weight += static_cast<double>(s.weight);
-        TileSums alone{};
-        cost_alone.cost(list, tile, alone);
-        CHECK(alone.cost == doctest::Approx(s.cost).epsilon(1e-5));
-        CHECK(alone.weight == doctest::Approx(s.weight).epsilon(1e-5));
-        CHECK(alone.lost == doctest::Approx(s.lost).epsilon(1e-5));
-      }
-      CHECK(cost_alone.counts().valid == summer.counts().valid);
-      CHECK(cost_alone.counts().selected == summer.counts().selected);
-      for_pixels(list, warp, [&](const WarpedLanes& o, int i) {
-        const Eigen::Vector3d X(lane(o.X[0], i), lane(o.X[1], i), lane(o.X[2], i));
-        const bool inside = place == AlphaPlace::Inside;
-        const double a2 = inside ? 1 : scales.alpha * scales.alpha;
-        const double lost = lane(o.lost, i);
-        plain_cost += lost * (inside ? kernel.rho(3) + kernel.rho(3 * scales.alpha) : (1 + a2) * kernel.rho(3));
-        plain_weight += lost * (1 + a2);
-        plain_valid += o.valid[i] != 0 ? 1 : 0;
-        for (const bool photometric : {true, false}) {
-          const Eigen::Vector3d a = photometric ? Eigen::Vector3d(lane(o.I[0], i), lane(o.I[1], i), lane(o.I[2], i))
-                                                : Eigen::Vector3d(lane(o.D[0], i), lane(o.D[1], i), lane(o.D[2], i));
-          const double residual = lane(photometric ? o.residual_intensity : o.residual_depth, i);
-          const double gamma = lane(photometric ? o.weight_intensity : o.weight_depth, i) * (photometric ? a2 : 1);
-          const double scale = photometric ? scales.scale_intensity : scales.scale_depth;
-          const double g = std::sqrt(lane(photometric ? o.inverse_intensity : o.inverse_depth, i)) / scale *
-                           (photometric && inside ? scales.alpha : 1);
-          Twist J;
-          J << a, X.cross(a);
-          const double q = gamma * kernel.weight(g * residual) * g * g;
-          plain.H += q * J * J.transpose();
-          plain.b -= q * residual * J;
-          plain_cost += gamma * kernel.rho(g * residual);
-          plain_weight += gamma;
+    for (const NoiseForm form : {NoiseForm::Sensor, NoiseForm::StaticFusion}) {
+      scales.place = place;
+      for (int kind = 0; kind <= static_cast<int>(KernelKind::AdaptiveBarron); ++kind) {
+        RobustKernel kernel;
+        kernel.kind = static_cast<KernelKind>(kind);
+        NoiseOptions noise_options;
+        noise_options.form = form;
+        const NoiseModel noise(noise_options);
+        const Warper warp(current.level(0), T, {1.02F, -.01F}, {}, 1.0F, 1.0F);
+        TileSummer summer(warp, NoiseRef(noise), KernelRef(kernel), scales), cost_alone(warp, NoiseRef(noise), KernelRef(kernel), scales);
+        NormalEquations sum, plain;
+        double cost = 0, weight = 0, plain_cost = 0, plain_weight = 0;
+        int plain_valid = 0;
+        for (const PixelList::Tile& tile : list.tiles) {
+          TileSums s;
+          summer(list, tile, s);
+          sum += s.equations();
+          cost += static_cast<double>(s.cost);
+          weight += static_cast<double>(s.weight);
+          TileSums alone{};
+          cost_alone.cost(list, tile, alone);
+          CHECK(alone.cost == doctest::Approx(s.cost).epsilon(1e-5));
+          CHECK(alone.weight == doctest::Approx(s.weight).epsilon(1e-5));
+          CHECK(alone.lost == doctest::Approx(s.lost).epsilon(1e-5));
         }
-      }, noise);
-      CAPTURE(kind);
-      const WarpCounts counts = summer.counts();
-      CHECK(counts.valid == plain_valid);
-      CHECK(counts.selected == list.count);
-      CHECK(counts.valid + counts.out_of_view + counts.occluded + counts.disoccluded + counts.masked == counts.selected);
-      CHECK(counts.masked > 0);
-      CHECK(cost == doctest::Approx(plain_cost).epsilon(1e-4));
-      CHECK(weight == doctest::Approx(plain_weight).epsilon(1e-4));
-      CHECK((sum.H - plain.H).norm() < 1e-4 * plain.H.norm());
-      CHECK((sum.b - plain.b).norm() < 1e-3 * plain.b.norm());
+        CHECK(cost_alone.counts().valid == summer.counts().valid);
+        CHECK(cost_alone.counts().selected == summer.counts().selected);
+        for_pixels(
+            list, warp,
+            [&](const WarpedLanes& o, int i) {
+              const Eigen::Vector3d X(lane(o.X[0], i), lane(o.X[1], i), lane(o.X[2], i));
+              const bool inside = place == AlphaPlace::Inside;
+              const double a2 = inside ? 1 : scales.alpha * scales.alpha;
+              const double lost = lane(o.lost, i);
+              plain_cost += lost * (inside ? kernel.rho(3) + kernel.rho(3 * scales.alpha) : (1 + a2) * kernel.rho(3));
+              plain_weight += lost * (1 + a2);
+              plain_valid += o.valid[i] != 0 ? 1 : 0;
+              for (const bool photometric : {true, false}) {
+                const Eigen::Vector3d a = photometric ? Eigen::Vector3d(lane(o.I[0], i), lane(o.I[1], i), lane(o.I[2], i))
+                                                      : Eigen::Vector3d(lane(o.D[0], i), lane(o.D[1], i), lane(o.D[2], i));
+                const double residual = lane(photometric ? o.residual_intensity : o.residual_depth, i);
+                const double gamma = lane(photometric ? o.weight_intensity : o.weight_depth, i) * (photometric ? a2 : 1);
+                const double scale = photometric ? scales.scale_intensity : scales.scale_depth;
+                const double g = std::sqrt(lane(photometric ? o.inverse_intensity : o.inverse_depth, i)) / scale *
+                                 (photometric && inside ? scales.alpha : 1);
+                Twist J;
+                J << a, X.cross(a);
+                const double q = gamma * kernel.weight(g * residual) * g * g;
+                plain.H += q * J * J.transpose();
+                plain.b -= q * residual * J;
+                plain_cost += gamma * kernel.rho(g * residual);
+                plain_weight += gamma;
+              }
+            },
+            noise);
+        CAPTURE(kind);
+        const WarpCounts counts = summer.counts();
+        CHECK(counts.valid == plain_valid);
+        CHECK(counts.selected == list.count);
+        CHECK(counts.valid + counts.out_of_view + counts.occluded + counts.disoccluded + counts.masked == counts.selected);
+        CHECK(counts.masked > 0);
+        CHECK(cost == doctest::Approx(plain_cost).epsilon(1e-4));
+        CHECK(weight == doctest::Approx(plain_weight).epsilon(1e-4));
+        CHECK((sum.H - plain.H).norm() < 1e-4 * plain.H.norm());
+        CHECK((sum.b - plain.b).norm() < 1e-3 * plain.b.norm());
+      }
     }
-  }
 }
 
 TEST_CASE("the right side of the equations is the slope of the cost, wherever alpha stands and with the kernel of a pair") {

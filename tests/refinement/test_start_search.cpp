@@ -6,8 +6,8 @@
 #include <doctest/doctest.h>
 
 #include <apso/refinement/cost/alignment_cost.hpp>
-#include <apso/refinement/start/orientation_search.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
+#include <apso/refinement/start/orientation_search.hpp>
 #include <apso/refinement/start/start_search.hpp>
 
 #include "room.hpp"
@@ -45,8 +45,8 @@ double angle(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
 
 Pose motion(unsigned seed, double metres, double degrees) {
   const double a = 0.8 * seed;
-  return room::pose(metres * std::cos(a), .02, metres * std::sin(a), .4 * degrees * std::sin(2 * a),
-                    .85 * degrees * std::cos(3 * a), .3 * degrees * std::sin(a));
+  return room::pose(metres * std::cos(a), .02, metres * std::sin(a), .4 * degrees * std::sin(2 * a), .85 * degrees * std::cos(3 * a),
+                    .3 * degrees * std::sin(a));
 }
 }  // namespace
 
@@ -55,8 +55,8 @@ TEST_CASE("a turn of 12 degrees is seen from the directions of walls, however fa
   for (unsigned seed = 1; seed <= 8; ++seed) {
     CAPTURE(seed);
     const Pose T = motion(seed, .5, 12);
-    const std::vector<Eigen::Matrix3d> found = search(room::render(kCamera, T_corner, {}, 2 * seed),
-                                                      room::render(kCamera, compose(T_corner, T), {}, 2 * seed + 1));
+    const std::vector<Eigen::Matrix3d> found =
+        search(room::render(kCamera, T_corner, {}, 2 * seed), room::render(kCamera, compose(T_corner, T), {}, 2 * seed + 1));
     REQUIRE(!found.empty());
     CHECK(angle(found.front(), rotation(inverse(T))) < kDegree);
   }
@@ -141,8 +141,7 @@ TEST_CASE("one right match of corners is enough where the turn is known") {
   CHECK(motions.empty());
 }
 
-TEST_CASE(
-    "starts: what was found first, the rest by support, and one of them near the truth where corners alone find none") {
+TEST_CASE("starts: what was found first, the rest by support, and one of them near the truth where corners alone find none") {
   int near = 0;
   int near_by_corners = 0;
   constexpr unsigned kPairs = 24;
@@ -181,8 +180,7 @@ TEST_CASE(
     StartSearch again;
     const std::vector<Start>& same = again(cost, 0, T_found, Pose::Identity(), SerialExecutor{});
     REQUIRE(same.size() == starts.size());
-    for (std::size_t i = 0; i < same.size(); ++i)
-      CHECK(same[i].T_camera_world.matrix() == starts[i].T_camera_world.matrix());
+    for (std::size_t i = 0; i < same.size(); ++i) CHECK(same[i].T_camera_world.matrix() == starts[i].T_camera_world.matrix());
   }
   CHECK(near >= near_by_corners + 3);
 }

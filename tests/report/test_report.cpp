@@ -40,8 +40,9 @@ const fs::path& run_of_walking() {
   static const Folder keep;
   static const fs::path out = keep.path / "the_run";
   if (!fs::exists(out)) {
-    const Outcome o = run(std::string(APSO_TRACK) + " synthetic:walking_xyz --seed 104 --max-frames 60 --spoil blank --quiet --report --output " +
-                              out.string(), keep.path);
+    const Outcome o = run(std::string(APSO_TRACK) +
+                              " synthetic:walking_xyz --seed 104 --max-frames 60 --spoil blank --quiet --report --output " + out.string(),
+                          keep.path);
     INFO(o.text);
     REQUIRE(o.code == 0);
   }
@@ -197,7 +198,8 @@ TEST_CASE("a file that is no report is not replaced") {
   CHECK(bytes_of(mine) == "<html>mine</html>");
   fs::create_directories(w.path / "again");
   std::ofstream(w.path / "again" / "report.html") << "mine";
-  const Outcome t = run(std::string(APSO_TRACK) + " synthetic:static_xyz --max-frames 2 --quiet --report --output " + (w.path / "again").string(), w.path);
+  const Outcome t = run(
+      std::string(APSO_TRACK) + " synthetic:static_xyz --max-frames 2 --quiet --report --output " + (w.path / "again").string(), w.path);
   CHECK(t.code == 1);
   CHECK(has(t.text, "report.html is there"));
   CHECK(bytes_of(w.path / "again" / "report.html") == "mine");

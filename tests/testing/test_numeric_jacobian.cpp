@@ -12,9 +12,7 @@ using apso::testing::numeric_jacobian;
 TEST_CASE("numeric Jacobian of functions with known derivatives") {
   const Eigen::Vector3d x(0.7, -1.3, 2.5);
   SUBCASE("polynomial and sine") {
-    const auto f = [](const Eigen::VectorXd& v) {
-      return Eigen::Vector2d(v[0] * v[0] * v[1] + std::sin(v[2]), std::exp(v[0]) * v[2]);
-    };
+    const auto f = [](const Eigen::VectorXd& v) { return Eigen::Vector2d(v[0] * v[0] * v[1] + std::sin(v[2]), std::exp(v[0]) * v[2]); };
     Eigen::MatrixXd expected(2, 3);
     expected << 2 * x[0] * x[1], x[0] * x[0], std::cos(x[2]), std::exp(x[0]) * x[2], 0, std::exp(x[0]);
     CHECK((numeric_jacobian(f, x) - expected).cwiseAbs().maxCoeff() < 1e-8);

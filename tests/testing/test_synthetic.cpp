@@ -23,8 +23,7 @@ SyntheticOptions small(int people = 2) {
 
 template <class T>
 bool same(const Image<T>& a, const Image<T>& b) {
-  return a.width() == b.width() && a.height() == b.height() &&
-         std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+  return a.width() == b.width() && a.height() == b.height() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
 }
 bool same(const SyntheticFrame& a, const SyntheticFrame& b) {
   return a.timestamp == b.timestamp && same(a.rgb, b.rgb) && same(a.intensity, b.intensity) && same(a.depth, b.depth) &&
@@ -87,8 +86,7 @@ TEST_CASE("names and options are checked") {
     SyntheticSequence("walking_xzy", small());
     FAIL("an unknown name was taken");
   } catch (const contract_error& e) {
-    for (const std::string& name : SyntheticSequence::names())
-      CHECK(std::string(e.what()).find(name) != std::string::npos);
+    for (const std::string& name : SyntheticSequence::names()) CHECK(std::string(e.what()).find(name) != std::string::npos);
   }
   SyntheticOptions o = small();
   o.people = 4;
@@ -232,8 +230,7 @@ TEST_CASE("exact frames agree when warped by the exact poses") {
         }
         // no edge near: the 4x4 block is one plane (its inverse depth is affine) and p is not hidden
         const auto iz = [&](int i, int j) { return 1.0 / static_cast<double>(b.depth(x0 + i, y0 + j)); };
-        const double bend = std::abs(iz(-1, -1) + iz(2, 2) - iz(-1, 2) - iz(2, -1)) +
-                            std::abs(iz(-1, 0) + iz(2, 0) - iz(0, 0) - iz(1, 0)) +
+        const double bend = std::abs(iz(-1, -1) + iz(2, 2) - iz(-1, 2) - iz(2, -1)) + std::abs(iz(-1, 0) + iz(2, 0) - iz(0, 0) - iz(1, 0)) +
                             std::abs(iz(0, -1) + iz(0, 2) - iz(0, 0) - iz(0, 1));
         if (moving || bend > 2e-5 || highest - lowest > 0.02) continue;
         if (std::abs(1 / inverse_depth - p.z()) > 0.05) continue;  // hidden in b behind something

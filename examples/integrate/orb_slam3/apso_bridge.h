@@ -13,19 +13,19 @@ extern "C" {
 typedef struct ApsoBridge ApsoBridge;
 
 typedef struct {
-  float x, y;          /* [px], rectified */
-  float response;      /* of the detector, >= 0 */
-  float angle;         /* [deg], [0, 360) */
+  float x, y;     /* [px], rectified */
+  float response; /* of the detector, >= 0 */
+  float angle;    /* [deg], [0, 360) */
   int octave;
-  long long point_id;  /* of the map point it was matched to as an inlier; -1: none */
+  long long point_id; /* of the map point it was matched to as an inlier; -1: none */
 } ApsoBridgeKeypoint;
 
 typedef struct {
   double T_world_camera[12];
-  int pose_ok;           /* there is a pose to go on with */
-  int refined;           /* T_world_camera is not the pose given but the repaired one */
-  int keyframe_allowed;  /* the map may learn from this frame */
-  const char* state;     /* "GOOD", "BAD" ..., for logs; valid until the next call */
+  int pose_ok;          /* there is a pose to go on with */
+  int refined;          /* T_world_camera is not the pose given but the repaired one */
+  int keyframe_allowed; /* the map may learn from this frame */
+  const char* state;    /* "GOOD", "BAD" ..., for logs; valid until the next call */
 } ApsoBridgeReport;
 
 /* fx, fy, cx, cy [px] of the rectified camera. Returns NULL when something is wrong with them. */

@@ -37,8 +37,8 @@ class ApsoHook {
   template <class Frame>
   void BeforeTracking(const cv::Mat& grey, const cv::Mat& depth, const Sophus::SE3f& Tcw, Frame& frame) {
     T_world_predicted_ = Tcw.inverse();
-    const auto images = apso::frame(frame.mTimeStamp, apso::opencv::as_image<unsigned char>(grey),
-                                    apso::opencv::as_image<float>(depth), pipeline_.camera());
+    const auto images = apso::frame(frame.mTimeStamp, apso::opencv::as_image<unsigned char>(grey), apso::opencv::as_image<float>(depth),
+                                    pipeline_.camera());
     const apso::Observation& seen = pipeline_.observe(images, T_world_predicted_);
     const apso::Image<float>& p = seen.mask.probability;
     moving_.assign(frame.mvKeysUn.size(), false);

@@ -24,8 +24,8 @@ inline bool machine_is_big_endian() {
 template <class T, class ImageMessage>
 apso::ByteImage<T> channel(const ImageMessage& m, std::size_t pixel_step, std::size_t offset) {
   apso::expects(m.data.size() > offset, "image message without data");
-  return apso::byte_image<T>(m.data.data() + offset, m.data.size() - offset, static_cast<int>(m.width), static_cast<int>(m.height),
-                             m.step, pixel_step, sizeof(T) > 1 && (m.is_bigendian != 0) != machine_is_big_endian());
+  return apso::byte_image<T>(m.data.data() + offset, m.data.size() - offset, static_cast<int>(m.width), static_cast<int>(m.height), m.step,
+                             pixel_step, sizeof(T) > 1 && (m.is_bigendian != 0) != machine_is_big_endian());
 }
 // [/channel]
 

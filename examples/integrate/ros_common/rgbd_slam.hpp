@@ -23,8 +23,8 @@ struct SlamSettings {
 struct SlamFrame {
   bool has_pose = false;
   apso::Pose T_world_camera = apso::Pose::Identity();
-  std::string state;        ///< INITIALISING, GOOD, BAD, LOST
-  bool trustworthy = false; ///< GOOD, or BAD and repaired
+  std::string state;                                   ///< INITIALISING, GOOD, BAD, LOST
+  bool trustworthy = false;                            ///< GOOD, or BAD and repaired
   std::vector<std::pair<std::string, double>> values;  ///< scores by name, only those that exist
   std::vector<std::uint8_t> overlay_bgr;               ///< interleaved; empty without overlay
   int overlay_width = 0;                               ///< [px]

@@ -162,9 +162,7 @@ struct apso::pose_traits<host::TrackedPose> {  // read as T_world_camera: the in
   using scalar = float;
   static Eigen::Matrix3f rotation(const host::TrackedPose& T) { return T.Rcw.transpose(); }
   static Eigen::Vector3f translation(const host::TrackedPose& T) { return -(T.Rcw.transpose() * T.tcw); }
-  static host::TrackedPose make(const Eigen::Matrix3f& R, const Eigen::Vector3f& t) {
-    return {R.transpose(), -(R.transpose() * t)};
-  }
+  static host::TrackedPose make(const Eigen::Matrix3f& R, const Eigen::Vector3f& t) { return {R.transpose(), -(R.transpose() * t)}; }
 };
 // [/camera_from_world_traits]
 
@@ -173,9 +171,7 @@ struct apso::pose_traits<host::RowMajor16> {
   using scalar = double;
   using matrix = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
   static Eigen::Matrix3d rotation(const host::RowMajor16& T) { return Eigen::Map<const matrix>(T.data()).topLeftCorner<3, 3>(); }
-  static Eigen::Vector3d translation(const host::RowMajor16& T) {
-    return Eigen::Map<const matrix>(T.data()).topRightCorner<3, 1>();
-  }
+  static Eigen::Vector3d translation(const host::RowMajor16& T) { return Eigen::Map<const matrix>(T.data()).topRightCorner<3, 1>(); }
   static host::RowMajor16 make(const Eigen::Matrix3d& R, const Eigen::Vector3d& t) {
     host::RowMajor16 T{};
     Eigen::Map<matrix> m(T.data());

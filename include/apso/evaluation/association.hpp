@@ -32,9 +32,7 @@ enum class AssociationRule {
 [[nodiscard]] constexpr std::array<const char*, 2> enum_names(AssociationRule) { return {"tum", "evo"}; }
 
 /// Largest difference of time that the authors of a rule take by default [s].
-[[nodiscard]] constexpr double default_max_difference(AssociationRule rule) {
-  return rule == AssociationRule::Tum ? 0.02 : 0.01;
-}
+[[nodiscard]] constexpr double default_max_difference(AssociationRule rule) { return rule == AssociationRule::Tum ? 0.02 : 0.01; }
 
 namespace detail {
 /// Index of the value nearest to t in a non-empty sorted list; the smaller index on a tie.
@@ -58,8 +56,7 @@ inline void expects_stamps(const std::vector<double>& stamps, const char* messag
 /// \param max_difference pairs must be closer than this [s]
 /// \param offset_second added to the stamps of the second list [s]
 /// \return matches in the order of the first list
-[[nodiscard]] inline std::vector<StampMatch> associate_tum(const std::vector<double>& first,
-                                                           const std::vector<double>& second,
+[[nodiscard]] inline std::vector<StampMatch> associate_tum(const std::vector<double>& first, const std::vector<double>& second,
                                                            double max_difference = 0.02, double offset_second = 0) {
   detail::expects_stamps(first, "associate_tum: first timestamps must be finite and strictly increasing");
   detail::expects_stamps(second, "associate_tum: second timestamps must be finite and strictly increasing");
@@ -118,8 +115,7 @@ inline void expects_stamps(const std::vector<double>& stamps, const char* messag
 /// \param max_difference pairs must not be farther apart than this [s]
 /// \param offset_second added to the stamps of the second list [s]
 /// \return matches in the order of the shorter list
-[[nodiscard]] inline std::vector<StampMatch> associate_evo(const std::vector<double>& first,
-                                                           const std::vector<double>& second,
+[[nodiscard]] inline std::vector<StampMatch> associate_evo(const std::vector<double>& first, const std::vector<double>& second,
                                                            double max_difference = 0.01, double offset_second = 0) {
   detail::expects_stamps(first, "associate_evo: first timestamps must be finite and strictly increasing");
   detail::expects_stamps(second, "associate_evo: second timestamps must be finite and strictly increasing");
@@ -143,8 +139,8 @@ inline void expects_stamps(const std::vector<double>& stamps, const char* messag
 /// \param max_difference largest difference of a pair [s]; 0: the one that the authors of the rule use
 /// \param offset_second added to the stamps of the second list [s]
 template <class First = std::vector<double>, class Second = std::vector<double>>
-[[nodiscard]] std::vector<StampMatch> associate(const First& first, const Second& second, AssociationRule rule,
-                                                double max_difference = 0, double offset_second = 0) {
+[[nodiscard]] std::vector<StampMatch> associate(const First& first, const Second& second, AssociationRule rule, double max_difference = 0,
+                                                double offset_second = 0) {
   const double limit = max_difference > 0 ? max_difference : default_max_difference(rule);
   const std::vector<double> a = timestamps(first);
   const std::vector<double> b = timestamps(second);

@@ -47,8 +47,8 @@ enum class TrajectoryAlignment {
 struct AteOptions {
   TrajectoryAlignment alignment = TrajectoryAlignment::Se3;
   AssociationRule association = AssociationRule::Tum;
-  double max_difference = 0;  ///< of the stamps of a pair [s]; 0 = what the association rule uses by default
-  double time_offset = 0;     ///< added to the stamps of the estimate [s]
+  double max_difference = 0;    ///< of the stamps of a pair [s]; 0 = what the association rule uses by default
+  double time_offset = 0;       ///< added to the stamps of the estimate [s]
   Axis gravity_axis = Axis::Z;  ///< of both worlds, up or down; read for TrajectoryAlignment::Yaw only
 
   template <class Self, class V>
@@ -68,12 +68,12 @@ struct BasicAteResult {
   /// Degenerate: the positions lie on a line (for a turn about gravity: a vertical one) or in a point, so the rotation of the alignment
   /// is not unique (the errors are). Converged otherwise.
   Status status = Status::NotRun;
-  Statistics statistics;                            ///< of the position errors [m]
+  Statistics statistics;                                             ///< of the position errors [m]
   PoseT T_groundtruth_estimate = from_pose<PoseT>(identity_pose());  ///< maps the world of the estimate into that of the
-                                                                      ///< ground truth
-  std::vector<StampMatch> pairs;                    ///< first: index of the ground truth, second: of the estimate
-  std::vector<double> errors;                       ///< one per pair [m]
-  double scale = 1;                                 ///< of the estimate, before T_groundtruth_estimate; 1 unless aligned by Sim3
+                                                                     ///< ground truth
+  std::vector<StampMatch> pairs;                                     ///< first: index of the ground truth, second: of the estimate
+  std::vector<double> errors;                                        ///< one per pair [m]
+  double scale = 1;  ///< of the estimate, before T_groundtruth_estimate; 1 unless aligned by Sim3
 };
 using AteResult = BasicAteResult<>;
 
@@ -94,8 +94,7 @@ namespace detail {
   validate(groundtruth, "ate: ground truth");
   validate(estimate, "ate: estimate");
   AteResult result;
-  result.pairs =
-      associate(groundtruth, estimate, options.association, options.max_difference, options.time_offset);
+  result.pairs = associate(groundtruth, estimate, options.association, options.max_difference, options.time_offset);
   result.status = Status::TooFewMatches;
   if (result.pairs.size() < static_cast<std::size_t>(pairs_needed(options.alignment))) return result;
   result.status = Status::Converged;

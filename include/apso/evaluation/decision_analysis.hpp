@@ -58,11 +58,9 @@ struct RocPoint {
 template <class Range = std::vector<ScoredEvent>>
 [[nodiscard]] std::vector<RocPoint> roc_curve(const Range& range) {
   std::vector<ScoredEvent> data = scored_events(range);
-  data.erase(std::remove_if(data.begin(), data.end(), [](const ScoredEvent& d) { return !std::isfinite(d.score); }),
-             data.end());
+  data.erase(std::remove_if(data.begin(), data.end(), [](const ScoredEvent& d) { return !std::isfinite(d.score); }), data.end());
   std::sort(data.begin(), data.end(), [](const ScoredEvent& a, const ScoredEvent& b) { return a.score > b.score; });
-  const auto events =
-      static_cast<double>(std::count_if(data.begin(), data.end(), [](const auto& d) { return d.event; }));
+  const auto events = static_cast<double>(std::count_if(data.begin(), data.end(), [](const auto& d) { return d.event; }));
   const double others = static_cast<double>(data.size()) - events;
   std::vector<RocPoint> curve;
   if (!(events > 0) || !(others > 0)) return curve;
@@ -108,9 +106,7 @@ struct Confusion {
   [[nodiscard]] double false_alarm_rate() const { return ratio(false_alarms, false_alarms + quiet); }
 
  private:
-  [[nodiscard]] static double ratio(int a, int b) {
-    return b > 0 ? static_cast<double>(a) / b : std::numeric_limits<double>::quiet_NaN();
-  }
+  [[nodiscard]] static double ratio(int a, int b) { return b > 0 ? static_cast<double>(a) / b : std::numeric_limits<double>::quiet_NaN(); }
 };
 
 /// One bin of a reliability diagram.

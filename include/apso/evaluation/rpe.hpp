@@ -42,12 +42,12 @@ enum class RpeForm {
 [[nodiscard]] constexpr std::array<const char*, 2> enum_names(RpeForm) { return {"tum", "paper"}; }
 
 struct RpeOptions {
-  double delta = 1.0;                    ///< length of the interval, > 0
+  double delta = 1.0;  ///< length of the interval, > 0
   DeltaUnit unit = DeltaUnit::Seconds;
   RpeForm form = RpeForm::TumScript;
-  int max_pairs = 10000;                 ///< more pairs than this are sampled; 0 = never
-  unsigned seed = 0;                     ///< of the sample
-  double time_offset = 0;                ///< added to the stamps of the estimate [s]
+  int max_pairs = 10000;   ///< more pairs than this are sampled; 0 = never
+  unsigned seed = 0;       ///< of the sample
+  double time_offset = 0;  ///< added to the stamps of the estimate [s]
 
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
@@ -69,11 +69,11 @@ struct RpePair {
 struct RpeResult {
   /// TooFewMatches when there is no pair (every statistic is then 0 with count 0); Converged otherwise.
   Status status = Status::NotRun;
-  Statistics translation;                      ///< [m] per interval
-  Statistics rotation_deg;                     ///< [deg] per interval
+  Statistics translation;   ///< [m] per interval
+  Statistics rotation_deg;  ///< [deg] per interval
   std::vector<RpePair> pairs;
-  std::vector<double> translation_errors;      ///< one per pair [m]
-  std::vector<double> rotation_errors_deg;     ///< one per pair [deg]
+  std::vector<double> translation_errors;   ///< one per pair [m]
+  std::vector<double> rotation_errors_deg;  ///< one per pair [deg]
 };
 
 namespace detail {

@@ -20,7 +20,7 @@ APSO_NAMESPACE_BEGIN
 
 /// Where a body (camera, marker frame) was at one instant.
 struct StampedPose {
-  double timestamp = 0;                  ///< [s]
+  double timestamp = 0;                 ///< [s]
   Pose T_world_body = identity_pose();  ///< maps points of the body into the world [m]
 };
 

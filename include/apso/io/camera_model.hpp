@@ -106,8 +106,7 @@ struct camera_traits<CameraModel> {
   if (name == "tum-fr1") return distorted(make(517.3, 516.5, 318.6, 255.3), 0.2624, -0.9531, -0.0054, 0.0026, 1.1633);
   if (name == "tum-fr2") return distorted(make(520.9, 521.0, 325.1, 249.7), 0.2312, -0.7849, -0.0033, -0.0001, 0.9172);
   if (name == "tum-fr3") return make(535.4, 539.2, 320.1, 247.6);
-  if (name == "bonn")
-    return distorted(make(542.822841, 542.576870, 315.593520, 237.756098), 0.039903, -0.099343, -0.000730, -0.000144, 0);
+  if (name == "bonn") return distorted(make(542.822841, 542.576870, 315.593520, 237.756098), 0.039903, -0.099343, -0.000730, -0.000144, 0);
   if (name == "icl-nuim") return make(481.2, 480.0, 319.5, 239.5);  // published fy = -480: its y axis points up
   contract_violation("camera \"" + name + "\" is not known, expected tum-fr1, tum-fr2, tum-fr3, bonn or icl-nuim");
 }

@@ -62,8 +62,7 @@ APSO_NAMESPACE_BEGIN
   for (const auto& entry : root) {
     std::string name;
     if (entry.first.IsScalar()) name = entry.first.Scalar();
-    static constexpr const char* known[] = {"name", "fx", "fy", "cx", "cy", "width", "height", "depth_scale",
-                                            "k1",   "k2", "p1", "p2", "k3"};
+    static constexpr const char* known[] = {"name", "fx", "fy", "cx", "cy", "width", "height", "depth_scale", "k1", "k2", "p1", "p2", "k3"};
     bool found = false;
     for (const char* k : known) found = found || name == k;
     if (!found)

@@ -40,18 +40,18 @@ APSO_NAMESPACE_BEGIN
 /// Names of the 80 classes of the COCO data set, in the order of networks trained on it; 0 = person.
 [[nodiscard]] inline const std::vector<std::string>& coco_classes() {
   static const std::vector<std::string> names{
-      "person",       "bicycle",    "car",          "motorcycle",    "airplane",     "bus",           "train",
-      "truck",        "boat",       "traffic light", "fire hydrant", "stop sign",    "parking meter", "bench",
-      "bird",         "cat",        "dog",          "horse",         "sheep",        "cow",           "elephant",
-      "bear",         "zebra",      "giraffe",      "backpack",      "umbrella",     "handbag",       "tie",
-      "suitcase",     "frisbee",    "skis",         "snowboard",     "sports ball",  "kite",          "baseball bat",
-      "baseball glove", "skateboard", "surfboard",  "tennis racket", "bottle",       "wine glass",    "cup",
-      "fork",         "knife",      "spoon",        "bowl",          "banana",       "apple",         "sandwich",
-      "orange",       "broccoli",   "carrot",       "hot dog",       "pizza",        "donut",         "cake",
-      "chair",        "couch",      "potted plant", "bed",           "dining table", "toilet",        "tv",
-      "laptop",       "mouse",      "remote",       "keyboard",      "cell phone",   "microwave",     "oven",
-      "toaster",      "sink",       "refrigerator", "book",          "clock",        "vase",          "scissors",
-      "teddy bear",   "hair drier", "toothbrush"};
+      "person",         "bicycle",    "car",           "motorcycle",    "airplane",     "bus",           "train",
+      "truck",          "boat",       "traffic light", "fire hydrant",  "stop sign",    "parking meter", "bench",
+      "bird",           "cat",        "dog",           "horse",         "sheep",        "cow",           "elephant",
+      "bear",           "zebra",      "giraffe",       "backpack",      "umbrella",     "handbag",       "tie",
+      "suitcase",       "frisbee",    "skis",          "snowboard",     "sports ball",  "kite",          "baseball bat",
+      "baseball glove", "skateboard", "surfboard",     "tennis racket", "bottle",       "wine glass",    "cup",
+      "fork",           "knife",      "spoon",         "bowl",          "banana",       "apple",         "sandwich",
+      "orange",         "broccoli",   "carrot",        "hot dog",       "pizza",        "donut",         "cake",
+      "chair",          "couch",      "potted plant",  "bed",           "dining table", "toilet",        "tv",
+      "laptop",         "mouse",      "remote",        "keyboard",      "cell phone",   "microwave",     "oven",
+      "toaster",        "sink",       "refrigerator",  "book",          "clock",        "vase",          "scissors",
+      "teddy bear",     "hair drier", "toothbrush"};
   return names;
 }
 
@@ -93,8 +93,8 @@ namespace detail {
 }
 
 /// A line `class_id centre_x centre_y width height [score]`. Returns what is wrong, or nothing.
-[[nodiscard]] inline std::string parse_shares(const std::vector<std::string>& fields, int width, int height,
-                                              const ClassList& classes, Detection& d) {
+[[nodiscard]] inline std::string parse_shares(const std::vector<std::string>& fields, int width, int height, const ClassList& classes,
+                                              Detection& d) {
   if (fields.size() != 5 && fields.size() != 6)
     return "expected 'class_id centre_x centre_y width height [score]' or 'left:.. top:.. right:.. bottom:.. class:.. score'";
   d.class_id = classes.id_of(fields[0]);
@@ -184,8 +184,7 @@ inline void add_object(const Detection& d, const std::string& where, std::vector
 /// Detections of one image from a file in one of the two forms per image.
 /// \param width, height of the image [px]
 /// Throws io_error naming file and line.
-[[nodiscard]] inline std::vector<Detection> read_detections(const std::string& file, int width, int height,
-                                                            const ClassList& classes = {}) {
+[[nodiscard]] inline std::vector<Detection> read_detections(const std::string& file, int width, int height, const ClassList& classes = {}) {
   detail::FieldReader reader(file, "a text file with the detections of an image");
   std::vector<Detection> found;
   while (reader.next()) {
@@ -204,8 +203,7 @@ inline void add_object(const Detection& d, const std::string& where, std::vector
 class StampedFiles {
  public:
   /// \param extensions e.g. {".png", ".jpg"}; throws io_error when the folder has no such file
-  StampedFiles(const std::string& folder, const std::vector<std::string>& extensions, double tolerance = 0.01)
-      : tolerance_(tolerance) {
+  StampedFiles(const std::string& folder, const std::vector<std::string>& extensions, double tolerance = 0.01) : tolerance_(tolerance) {
     namespace fs = std::filesystem;
     std::string kinds;
     for (const std::string& e : extensions) kinds += (kinds.empty() ? "*" : ", *") + e;
@@ -217,7 +215,8 @@ class StampedFiles {
       const std::string stem = entry.path().stem().string();
       if (fits && detail::number_in(stem.substr(0, stem.find('_')), stamp)) files_[stamp] = entry.path().string();
     }
-    if (files_.empty()) throw io_error(folder + ": no file " + kinds + " that is named by a stamp, e.g. 1341846647.734028" + extensions.front());
+    if (files_.empty())
+      throw io_error(folder + ": no file " + kinds + " that is named by a stamp, e.g. 1341846647.734028" + extensions.front());
   }
   /// The file nearest to a stamp, within the tolerance; empty when there is none.
   [[nodiscard]] std::string at(double stamp) const {

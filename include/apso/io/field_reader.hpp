@@ -68,8 +68,8 @@ class FieldReader {
 
   void expect_fields(std::size_t count, const char* names) const {
     if (fields_.size() == count) return;
-    throw io_error(where() + "found " + std::to_string(fields_.size()) + (fields_.size() == 1 ? " field" : " fields") +
-                   ", expected " + std::to_string(count) + ": " + names);
+    throw io_error(where() + "found " + std::to_string(fields_.size()) + (fields_.size() == 1 ? " field" : " fields") + ", expected " +
+                   std::to_string(count) + ": " + names);
   }
 
   /// Field i as a number; "nan" and "inf" (any case, signed) and numbers too large for a double are read as NaN.
@@ -82,8 +82,7 @@ class FieldReader {
     const bool parsed = !number_.fail() && number_.peek() == std::istringstream::traits_type::eof();
     if (parsed && std::isfinite(value)) return value;
     if (is_infinity_or_nan(field) || is_overflow(field, value)) return std::numeric_limits<double>::quiet_NaN();
-    throw io_error(where() + "field " + std::to_string(i + 1) + " (" + name + ") is '" + printable(field, 32) +
-                   "', expected a number");
+    throw io_error(where() + "field " + std::to_string(i + 1) + " (" + name + ") is '" + printable(field, 32) + "', expected a number");
   }
 
   /// Field i as a number in [lowest, highest].
@@ -126,8 +125,7 @@ class FieldReader {
   }
   /// A well-formed number that is too large: the stream fails and leaves the largest double.
   static bool is_overflow(const std::string& field, double value) {
-    return std::abs(value) == std::numeric_limits<double>::max() &&
-           field.find_first_not_of("+-.0123456789eE") == std::string::npos;
+    return std::abs(value) == std::numeric_limits<double>::max() && field.find_first_not_of("+-.0123456789eE") == std::string::npos;
   }
   std::string path_;
   std::ifstream file_;

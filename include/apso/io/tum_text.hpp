@@ -62,8 +62,7 @@ inline std::vector<std::size_t> order_in_time(const std::vector<double>& stamps,
     if (i == 0 || lines[i].first != lines[i - 1].first) order.push_back(lines[i].second);
   }
   if (order.size() < stamps.size()) {
-    warn(warnings, path + ": " + std::to_string(stamps.size() - order.size()) +
-                       " repeated timestamp(s), the first of each is kept");
+    warn(warnings, path + ": " + std::to_string(stamps.size() - order.size()) + " repeated timestamp(s), the first of each is kept");
   }
   return order;
 }
@@ -173,8 +172,7 @@ inline void write_trajectory(const std::string& path, const Trajectory& trajecto
     file.precision(decimals);
     file << p.timestamp << std::defaultfloat;
     file.precision(12);
-    file << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z() << ' ' << q.w()
-         << '\n';
+    file << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z() << ' ' << q.w() << '\n';
   }
   file.close();
   if (!file) throw io_error(path + ": writing failed (disk full?)");
@@ -182,8 +180,7 @@ inline void write_trajectory(const std::string& path, const Trajectory& trajecto
 
 /// Reads a list of images (rgb.txt, depth.txt), lines of `timestamp file`, sorted by time.
 /// \throws io_error when the file cannot be read, a line is malformed, or the list is empty
-[[nodiscard]] inline std::vector<FileListEntry> read_file_list(const std::string& path,
-                                                               std::vector<std::string>* warnings = nullptr) {
+[[nodiscard]] inline std::vector<FileListEntry> read_file_list(const std::string& path, std::vector<std::string>* warnings = nullptr) {
   detail::FieldReader reader(path);
   std::vector<FileListEntry> list;
   while (reader.next()) {
@@ -191,7 +188,8 @@ inline void write_trajectory(const std::string& path, const Trajectory& trajecto
     list.push_back({reader.finite_number(0, "timestamp"), reader.fields()[1]});
   }
   if (list.empty()) throw io_error(path + ": no image found, expected lines 'timestamp file'");
-  detail::sort_by_time(list, [](const FileListEntry& e) { return e.timestamp; }, path, warnings);
+  detail::sort_by_time(
+      list, [](const FileListEntry& e) { return e.timestamp; }, path, warnings);
   return list;
 }
 
@@ -214,7 +212,8 @@ inline void write_trajectory(const std::string& path, const Trajectory& trajecto
   if (list.empty()) {
     throw io_error(path + ": no image found, expected lines 'timestamp rgb_file timestamp depth_file'");
   }
-  detail::sort_by_time(list, [](const ImageAssociation& a) { return a.rgb_timestamp; }, path, warnings);
+  detail::sort_by_time(
+      list, [](const ImageAssociation& a) { return a.rgb_timestamp; }, path, warnings);
   return list;
 }
 

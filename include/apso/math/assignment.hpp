@@ -23,8 +23,8 @@ struct AssignmentScratch {
 /// never made: leaving both alone costs `limit` as well.
 /// \param cost rows x columns, row by row; finite or +infinity, NaN counts as forbidden
 /// \param column_of out: column of each row, or -1
-inline void assign(const std::vector<double>& cost, std::size_t rows, std::size_t columns, double limit,
-                   std::vector<int>& column_of, AssignmentScratch& s) {
+inline void assign(const std::vector<double>& cost, std::size_t rows, std::size_t columns, double limit, std::vector<int>& column_of,
+                   AssignmentScratch& s) {
   expects(cost.size() == rows * columns, "assign: the costs do not have the size rows x columns");
   column_of.assign(rows, -1);
   const std::size_t n = std::max(rows, columns);

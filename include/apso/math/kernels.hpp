@@ -238,22 +238,32 @@ struct RobustKernel {
   decltype(auto) visit(F&& f) const {
     const double c = constant();
     switch (kind) {
-      case KernelKind::L2: return f(kernels::L2{});
-      case KernelKind::Huber: return f(kernels::Huber{c});
-      case KernelKind::PseudoHuber: return f(kernels::PseudoHuber{c});
-      case KernelKind::Fair: return f(kernels::Fair{c});
-      case KernelKind::GemanMcClure: return f(kernels::GemanMcClure{c});
-      case KernelKind::Welsch: return f(kernels::Welsch{c});
-      case KernelKind::Tukey: return f(kernels::Tukey{c});
-      case KernelKind::StudentT: return f(kernels::StudentT{c});
-      case KernelKind::TruncatedL2: return f(kernels::TruncatedL2{c});
+      case KernelKind::L2:
+        return f(kernels::L2{});
+      case KernelKind::Huber:
+        return f(kernels::Huber{c});
+      case KernelKind::PseudoHuber:
+        return f(kernels::PseudoHuber{c});
+      case KernelKind::Fair:
+        return f(kernels::Fair{c});
+      case KernelKind::GemanMcClure:
+        return f(kernels::GemanMcClure{c});
+      case KernelKind::Welsch:
+        return f(kernels::Welsch{c});
+      case KernelKind::Tukey:
+        return f(kernels::Tukey{c});
+      case KernelKind::StudentT:
+        return f(kernels::StudentT{c});
+      case KernelKind::TruncatedL2:
+        return f(kernels::TruncatedL2{c});
       case KernelKind::Barron:
       case KernelKind::AdaptiveBarron:
         if (alpha > 2 - 1e-5) return f(kernels::L2{});
         if (std::abs(alpha) < 1e-5) return f(kernels::Cauchy{c * kSqrt2});
         if (alpha <= -100) return f(kernels::Welsch{c * kSqrt2});
         return f(kernels::Barron{alpha, c});
-      case KernelKind::Cauchy: break;
+      case KernelKind::Cauchy:
+        break;
     }
     return f(kernels::Cauchy{c});
   }

@@ -49,10 +49,18 @@ struct LoopVector {
     for (int i = 0; i < kLanes; ++i) r.v[i] = f(a.v[i], b.v[i]);
     return r;
   }
-  friend LoopVector operator+(LoopVector a, LoopVector b) { return zip(a, b, [](T x, T y) { return T(x + y); }); }
-  friend LoopVector operator-(LoopVector a, LoopVector b) { return zip(a, b, [](T x, T y) { return T(x - y); }); }
-  friend LoopVector operator*(LoopVector a, LoopVector b) { return zip(a, b, [](T x, T y) { return T(x * y); }); }
-  friend LoopVector operator/(LoopVector a, LoopVector b) { return zip(a, b, [](T x, T y) { return T(x / y); }); }
+  friend LoopVector operator+(LoopVector a, LoopVector b) {
+    return zip(a, b, [](T x, T y) { return T(x + y); });
+  }
+  friend LoopVector operator-(LoopVector a, LoopVector b) {
+    return zip(a, b, [](T x, T y) { return T(x - y); });
+  }
+  friend LoopVector operator*(LoopVector a, LoopVector b) {
+    return zip(a, b, [](T x, T y) { return T(x * y); });
+  }
+  friend LoopVector operator/(LoopVector a, LoopVector b) {
+    return zip(a, b, [](T x, T y) { return T(x / y); });
+  }
 };
 using FloatVector = LoopVector<float>;
 using IntVector = LoopVector<std::int32_t>;
@@ -135,9 +143,7 @@ struct Lanes {
 [[nodiscard]] APSO_INLINE Lanes select(const Mask& m, const Lanes& a, const Lanes& b) { return Lanes(m.v ? a.v : b.v); }
 /// Towards zero. Undefined beyond the range of int32.
 [[nodiscard]] APSO_INLINE IntLanes to_int(const Lanes& a) { return {__builtin_convertvector(a.v, detail::IntVector)}; }
-[[nodiscard]] APSO_INLINE Lanes to_float(const IntLanes& a) {
-  return Lanes(__builtin_convertvector(a.v, detail::FloatVector));
-}
+[[nodiscard]] APSO_INLINE Lanes to_float(const IntLanes& a) { return Lanes(__builtin_convertvector(a.v, detail::FloatVector)); }
 #else
 namespace detail {
 template <class F>
@@ -147,11 +153,21 @@ IntVector compare(const FloatVector& a, const FloatVector& b, F f) {
   return r;
 }
 }  // namespace detail
-inline Mask operator<(const Lanes& a, const Lanes& b) { return {detail::compare(a.v, b.v, [](float x, float y) { return x < y; })}; }
-inline Mask operator<=(const Lanes& a, const Lanes& b) { return {detail::compare(a.v, b.v, [](float x, float y) { return x <= y; })}; }
-inline Mask operator&(const Mask& a, const Mask& b) { return {detail::IntVector::zip(a.v, b.v, [](int x, int y) { return x & y; })}; }
-inline Mask operator|(const Mask& a, const Mask& b) { return {detail::IntVector::zip(a.v, b.v, [](int x, int y) { return x | y; })}; }
-inline Mask operator!(const Mask& a) { return {detail::IntVector::zip(a.v, a.v, [](int x, int) { return ~x; })}; }
+inline Mask operator<(const Lanes& a, const Lanes& b) {
+  return {detail::compare(a.v, b.v, [](float x, float y) { return x < y; })};
+}
+inline Mask operator<=(const Lanes& a, const Lanes& b) {
+  return {detail::compare(a.v, b.v, [](float x, float y) { return x <= y; })};
+}
+inline Mask operator&(const Mask& a, const Mask& b) {
+  return {detail::IntVector::zip(a.v, b.v, [](int x, int y) { return x & y; })};
+}
+inline Mask operator|(const Mask& a, const Mask& b) {
+  return {detail::IntVector::zip(a.v, b.v, [](int x, int y) { return x | y; })};
+}
+inline Mask operator!(const Mask& a) {
+  return {detail::IntVector::zip(a.v, a.v, [](int x, int) { return ~x; })};
+}
 inline Lanes select(const Mask& m, const Lanes& a, const Lanes& b) {
   Lanes r;
   for (int i = 0; i < kLanes; ++i) r.v[i] = m.v[i] != 0 ? a.v[i] : b.v[i];

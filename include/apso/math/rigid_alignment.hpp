@@ -29,8 +29,7 @@ struct HornAlignment {
 /// (det R = +1, also for planar and mirrored points). Closed form: the unit quaternion of R is the eigenvector of the
 /// largest eigenvalue of a symmetric 4x4 matrix made of the cross-covariance, B. K. P. Horn, JOSA A 1987.
 /// \param target,source points of the same length [m], at least one
-[[nodiscard]] inline HornAlignment align_horn(const std::vector<Eigen::Vector3d>& target,
-                                              const std::vector<Eigen::Vector3d>& source) {
+[[nodiscard]] inline HornAlignment align_horn(const std::vector<Eigen::Vector3d>& target, const std::vector<Eigen::Vector3d>& source) {
   expects(!target.empty() && target.size() == source.size(), "align_horn: need equally many points, at least one");
   const double n = static_cast<double>(target.size());
   Eigen::Vector3d mean_target(0, 0, 0);

@@ -65,7 +65,7 @@ template <class T>
   };
   std::int64_t low = key(-std::numeric_limits<float>::infinity());
   std::int64_t high = key(std::numeric_limits<float>::infinity()) + 1;
-  std::int32_t below_low = 0;                            // values below low, at most `middle`
+  std::int32_t below_low = 0;                              // values below low, at most `middle`
   std::int32_t below_high = static_cast<std::int32_t>(n);  // values below high, more than that
   while (high - low > 1 && below_high - below_low > 1) {
     const std::int64_t half = low + (high - low) / 2;
@@ -129,12 +129,14 @@ template <class T>
 template <class T>
 [[nodiscard]] double robust_scale_in_place(ScaleKind kind, std::vector<T>& values) {
   switch (kind) {
-    case ScaleKind::MeanAbs: return mean_abs(values);
+    case ScaleKind::MeanAbs:
+      return mean_abs(values);
     case ScaleKind::StudentT: {
       std::vector<T> copy(values);
       return t_scale(values, 5.0, mad_scale_in_place(copy));
     }
-    case ScaleKind::Mad: break;
+    case ScaleKind::Mad:
+      break;
   }
   return mad_scale_in_place(values);
 }

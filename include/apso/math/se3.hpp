@@ -52,8 +52,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
 
 /// T_a_b p_b, the point in frame a.
 [[nodiscard]] inline Eigen::Vector3d transform(const Pose& T, const Eigen::Vector3d& p) {
-  return {T(0, 0) * p(0) + T(0, 1) * p(1) + T(0, 2) * p(2) + T(0, 3),
-          T(1, 0) * p(0) + T(1, 1) * p(1) + T(1, 2) * p(2) + T(1, 3),
+  return {T(0, 0) * p(0) + T(0, 1) * p(1) + T(0, 2) * p(2) + T(0, 3), T(1, 0) * p(0) + T(1, 1) * p(1) + T(1, 2) * p(2) + T(1, 3),
           T(2, 0) * p(0) + T(2, 1) * p(1) + T(2, 2) * p(2) + T(2, 3)};
 }
 
@@ -74,8 +73,7 @@ struct FloatPose {
   }
   /// R (x, y, z).
   [[nodiscard]] Eigen::Vector3f rotate(float x, float y, float z) const {
-    return {R[0][0] * x + R[0][1] * y + R[0][2] * z, R[1][0] * x + R[1][1] * y + R[1][2] * z,
-            R[2][0] * x + R[2][1] * y + R[2][2] * z};
+    return {R[0][0] * x + R[0][1] * y + R[0][2] * z, R[1][0] * x + R[1][1] * y + R[1][2] * z, R[2][0] * x + R[2][1] * y + R[2][2] * z};
   }
   /// R (x, y, z) + t.
   [[nodiscard]] Eigen::Vector3f operator()(float x, float y, float z) const {

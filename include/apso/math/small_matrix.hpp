@@ -78,8 +78,7 @@ template <class S, int R, int K, int C, int A_, int B_>
 
 /// A^T B.
 template <class S, int R, int K, int C, int A_, int B_>
-[[nodiscard]] Eigen::Matrix<S, R, C, A_> transposed_times(const Eigen::Matrix<S, K, R, A_>& A,
-                                                          const Eigen::Matrix<S, K, C, B_>& B) {
+[[nodiscard]] Eigen::Matrix<S, R, C, A_> transposed_times(const Eigen::Matrix<S, K, R, A_>& A, const Eigen::Matrix<S, K, C, B_>& B) {
   Eigen::Matrix<S, R, C, A_> M;
   for (int j = 0; j < C; ++j) {
     for (int i = 0; i < R; ++i) {

@@ -54,7 +54,7 @@ template <int N, int Options>
 /// \param B N x columns
 template <int N, int Options, int Columns, int OptionsB>
 [[nodiscard]] Eigen::Matrix<double, N, Columns, OptionsB> solve_symmetric(const Eigen::Matrix<double, N, N, Options>& A,
-                                                                const Eigen::Matrix<double, N, Columns, OptionsB>& B) {
+                                                                          const Eigen::Matrix<double, N, Columns, OptionsB>& B) {
   static_assert(N > 0 && Columns > 0, "apso: solve_symmetric needs matrices of fixed size");
   double L[N][N];  // strictly lower: L; diagonal: D
   int order[N];

@@ -25,8 +25,7 @@ APSO_NAMESPACE_BEGIN
 template <class A, class B>
 class CombinedPolicy : public PolicyOperators {
  public:
-  CombinedPolicy(A first, B second, PolicyCombination how)
-      : first_(std::move(first)), second_(std::move(second)), how_(how) {
+  CombinedPolicy(A first, B second, PolicyCombination how) : first_(std::move(first)), second_(std::move(second)), how_(how) {
     check_motion_policy<A>();
     check_motion_policy<B>();
   }
@@ -97,9 +96,7 @@ class AnyMotionPolicy : public PolicyOperators {
     void observe(const AnyFrame& frame, const Pose& prior, const std::vector<PointTrack>& tracks, DynamicMask& out) override {
       policy.observe(frame, prior, tracks, out);
     }
-    void remember(const AnyFrame& frame, const Pose& pose, const DynamicMask& mask) override {
-      policy.remember(frame, pose, mask);
-    }
+    void remember(const AnyFrame& frame, const Pose& pose, const DynamicMask& mask) override { policy.remember(frame, pose, mask); }
     void reset() override { policy.reset(); }
     [[nodiscard]] const std::vector<Detection>& detections() const override { return detections_of(policy); }
     P policy;

@@ -179,11 +179,9 @@ struct PixelRange {
 /// All of the image for a detection with a mask, else the pixels its box touches.
 [[nodiscard]] inline PixelRange pixels_of(const Detection& d, int width, int height) {
   if (!d.mask.empty()) return {0, width, 0, height};
-  const auto limit = [](float v, int n) {
-    return static_cast<int>(v == v ? std::clamp(v, 0.0F, static_cast<float>(n)) : 0.0F);
-  };
-  return {limit(std::floor(d.box.x), width), limit(std::ceil(d.box.x + d.box.width), width),
-          limit(std::floor(d.box.y), height), limit(std::ceil(d.box.y + d.box.height), height)};
+  const auto limit = [](float v, int n) { return static_cast<int>(v == v ? std::clamp(v, 0.0F, static_cast<float>(n)) : 0.0F); };
+  return {limit(std::floor(d.box.x), width), limit(std::ceil(d.box.x + d.box.width), width), limit(std::floor(d.box.y), height),
+          limit(std::ceil(d.box.y + d.box.height), height)};
 }
 /// Pixel (x,y) lies on the mask of a detection, or in its box where it has no mask.
 [[nodiscard]] inline bool covers(const Detection& d, int x, int y) {
@@ -196,8 +194,7 @@ struct PixelRange {
 /// Mask from detections. A movable object contributes its motion probability, or its score where motion is not
 /// known (a semantic mask alone: what can move is taken as moving), on its mask or else in its box; overlapping
 /// objects take the larger value. Pixels outside of every object are unknown unless `outside_is_static`.
-inline void mask_from_detections(const AnyDetections& detections, int width, int height, bool outside_is_static,
-                                 DynamicMask& out) {
+inline void mask_from_detections(const AnyDetections& detections, int width, int height, bool outside_is_static, DynamicMask& out) {
   expects(width > 0 && height > 0, "mask_from_detections: empty size");
   out.probability.assign(width, height, 0.0F);
   out.known.assign(width, height, outside_is_static ? 1 : 0);

@@ -19,8 +19,7 @@ APSO_NAMESPACE_BEGIN
 /// Pixel (x,y) of the small image covers factor x factor pixels of the frame. Keeps the weights of a row between calls.
 class MaskEnlarger {
  public:
-  void operator()(const Image<float>& probability, const Image<std::uint8_t>& known, int factor, int width, int height,
-                  DynamicMask& out) {
+  void operator()(const Image<float>& probability, const Image<std::uint8_t>& known, int factor, int width, int height, DynamicMask& out) {
     const int w = probability.width();
     const int h = probability.height();
     expects(w > 0 && h > 0 && known.width() == w && known.height() == h, "MaskEnlarger: probability and known differ in size");
@@ -31,8 +30,7 @@ class MaskEnlarger {
     for (int x = 0; x < width; ++x) {
       const float s = std::clamp((static_cast<float>(x) + 0.5F) * scale - 0.5F, 0.0F, static_cast<float>(w - 1));
       const int left = std::min(static_cast<int>(s), std::max(0, w - 2));
-      columns_[static_cast<std::size_t>(x)] = {static_cast<std::size_t>(left), std::min(x / factor, w - 1),
-                                               s - static_cast<float>(left)};
+      columns_[static_cast<std::size_t>(x)] = {static_cast<std::size_t>(left), std::min(x / factor, w - 1), s - static_cast<float>(left)};
     }
     line_.assign(static_cast<std::size_t>(w) + 1, 0.0F);
     for (int y = 0; y < height; ++y) {
@@ -65,8 +63,7 @@ class MaskEnlarger {
 };
 
 /// The reverse: every factor-th pixel of a mask.
-inline void reduce_mask(const DynamicMask& mask, int factor, int width, int height, Image<float>& probability,
-                        Image<std::uint8_t>& known) {
+inline void reduce_mask(const DynamicMask& mask, int factor, int width, int height, Image<float>& probability, Image<std::uint8_t>& known) {
   probability.resize(width, height);
   known.resize(width, height);
   const int c = factor / 2;
@@ -81,11 +78,11 @@ inline void reduce_mask(const DynamicMask& mask, int factor, int width, int heig
 
 /// Which evidence becomes a region, and how far it reaches. All policies that work at low resolution share these rules.
 struct RegionRules {
-  int reach = 12;             ///< steps a region grows over pixels that may join [small px]: a tenth of a person at 2 m
-  float depth_span = 0.4F;    ///< ... and over which depth difference to its seed [m]: a body with its arms
-  int min_pixels = 24;        ///< smaller regions are dropped [small px]: noise of the sensor at edges
-  float min_area = 0.015F;    ///< regions that are smaller in the world are dropped [m^2]: about half a forearm
-  int dilation = 4;           ///< the mask is widened by this [px], for what blurs across the border
+  int reach = 12;           ///< steps a region grows over pixels that may join [small px]: a tenth of a person at 2 m
+  float depth_span = 0.4F;  ///< ... and over which depth difference to its seed [m]: a body with its arms
+  int min_pixels = 24;      ///< smaller regions are dropped [small px]: noise of the sensor at edges
+  float min_area = 0.015F;  ///< regions that are smaller in the world are dropped [m^2]: about half a forearm
+  int dilation = 4;         ///< the mask is widened by this [px], for what blurs across the border
 };
 
 /// Makes masks from evidence; owns the buffers. Either make() from probabilities, or fill seeds() and may_join() and call
@@ -95,8 +92,8 @@ class EvidenceMask {
   /// \param depth small depth [m]; \param camera of that size
   /// \param probability evidence, [0,1]; \param known 1 where there is evidence, 0 elsewhere
   /// \param out see write()
-  void make(const Image<float>& depth, const Image<float>& probability, const Image<std::uint8_t>& known,
-            const Pinhole& camera, int factor, int width, int height, const RegionRules& rules, DynamicMask& out) {
+  void make(const Image<float>& depth, const Image<float>& probability, const Image<std::uint8_t>& known, const Pinhole& camera, int factor,
+            int width, int height, const RegionRules& rules, DynamicMask& out) {
     constexpr float kThreshold = 0.5F;  // more likely dynamic than not
     start(depth.width(), depth.height());
     for (std::size_t i = 0; i < labels_.size(); ++i) {

@@ -57,22 +57,27 @@ template <class OptionsT>
   PolicyTable t;
   const auto geometric = [&] { return GeometricMotion(camera, options.geometric); };
   t.emplace_back("geometric", geometric, "free space of past views and tracks (default)");
-  t.emplace_back("epipolar", [&] { return EpipolarMotion(camera, options.epipolar); }, "tracks that leave their epipolar lines");
-  t.emplace_back("multiview-depth", [&] { return MultiViewDepth(camera, options.multiview_depth); }, "depth against key views");
-  t.emplace_back("cluster-residual", [&] { return ClusterResidual(camera, options.cluster_residual); },
-                 "clusters that a joint alignment does not explain");
-  t.emplace_back("residual", [&] { return ResidualMotion(camera, options.residual); }, "pixels that an alignment does not explain");
+  t.emplace_back(
+      "epipolar", [&] { return EpipolarMotion(camera, options.epipolar); }, "tracks that leave their epipolar lines");
+  t.emplace_back(
+      "multiview-depth", [&] { return MultiViewDepth(camera, options.multiview_depth); }, "depth against key views");
+  t.emplace_back(
+      "cluster-residual", [&] { return ClusterResidual(camera, options.cluster_residual); },
+      "clusters that a joint alignment does not explain");
+  t.emplace_back(
+      "residual", [&] { return ResidualMotion(camera, options.residual); }, "pixels that an alignment does not explain");
   t.emplace_back("motion", geometric, "the same as geometric");
-  t.emplace_back("none", [] { return NoMotion{}; }, "nothing is known");
-  t.emplace_back("depth-refined-mask",
-                 [&](Any inner) { return DepthRefinedMask<Any>(std::move(inner), camera, options.depth_refined_mask); },
-                 "cuts the masks or boxes of P to surfaces");
-  t.emplace_back("mask-propagation",
-                 [&](Any inner) { return MaskPropagation<Any>(std::move(inner), camera, options.mask_propagation); },
-                 "asks P every n-th frame, carries its mask between");
-  t.emplace_back("temporal-filter",
-                 [&](Any inner) { return TemporalFilter<Any>(std::move(inner), camera, options.temporal_filter); },
-                 "smooths P over time");
+  t.emplace_back(
+      "none", [] { return NoMotion{}; }, "nothing is known");
+  t.emplace_back(
+      "depth-refined-mask", [&](Any inner) { return DepthRefinedMask<Any>(std::move(inner), camera, options.depth_refined_mask); },
+      "cuts the masks or boxes of P to surfaces");
+  t.emplace_back(
+      "mask-propagation", [&](Any inner) { return MaskPropagation<Any>(std::move(inner), camera, options.mask_propagation); },
+      "asks P every n-th frame, carries its mask between");
+  t.emplace_back(
+      "temporal-filter", [&](Any inner) { return TemporalFilter<Any>(std::move(inner), camera, options.temporal_filter); },
+      "smooths P over time");
   return t;
 }
 

@@ -35,11 +35,10 @@ APSO_NAMESPACE_BEGIN
 namespace detail {
 template <class P>
 using policy_observe_t = decltype(std::declval<P&>().observe(std::declval<const AnyFrame&>(), std::declval<const Pose&>(),
-                                                             std::declval<const std::vector<PointTrack>&>(),
-                                                             std::declval<DynamicMask&>()));
+                                                             std::declval<const std::vector<PointTrack>&>(), std::declval<DynamicMask&>()));
 template <class P>
-using policy_remember_t = decltype(std::declval<P&>().remember(std::declval<const AnyFrame&>(), std::declval<const Pose&>(),
-                                                               std::declval<const DynamicMask&>()));
+using policy_remember_t =
+    decltype(std::declval<P&>().remember(std::declval<const AnyFrame&>(), std::declval<const Pose&>(), std::declval<const DynamicMask&>()));
 template <class P>
 using policy_reset_t = decltype(std::declval<P&>().reset());
 template <class P>
@@ -52,15 +51,14 @@ struct has_member<Member, P, std::void_t<Member<P>>> : std::true_type {};
 template <class P, class = void>
 struct finds_objects : std::false_type {};
 template <class P>
-struct finds_objects<P, std::void_t<policy_detections_t<P>>>
-    : std::is_convertible<policy_detections_t<P>, const std::vector<Detection>&> {};
+struct finds_objects<P, std::void_t<policy_detections_t<P>>> : std::is_convertible<policy_detections_t<P>, const std::vector<Detection>&> {
+};
 }  // namespace detail
 
 /// True when P has the members of a motion policy.
 template <class P>
-inline constexpr bool is_motion_policy_v = detail::has_member<detail::policy_observe_t, P>::value &&
-                                           detail::has_member<detail::policy_remember_t, P>::value &&
-                                           detail::has_member<detail::policy_reset_t, P>::value;
+inline constexpr bool is_motion_policy_v = detail::has_member<detail::policy_observe_t, P>::value&&
+    detail::has_member<detail::policy_remember_t, P>::value&& detail::has_member<detail::policy_reset_t, P>::value;
 
 /// Names every member that P lacks, in the compiler's message.
 template <class P>

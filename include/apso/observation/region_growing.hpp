@@ -10,8 +10,8 @@
 #include <vector>
 
 #include <apso/config.hpp>
-#include <apso/types/image_view.hpp>
 #include <apso/types/frame.hpp>
+#include <apso/types/image_view.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -133,11 +133,10 @@ inline void open_2x2(Image<std::uint8_t>& mask, Image<std::uint8_t>& scratch) {
 /// Removes components of the mask that are smaller than `min_pixels` or than `min_area` in the world.
 /// \param area_of_pixel world area of a pixel at 1 m depth [m^2], 1/(fx fy)
 /// \param min_area [m^2]
-inline void remove_small(const Image<float>& depth, float area_of_pixel, int min_pixels, float min_area,
-                         Image<std::uint8_t>& mask, RegionScratch& scratch) {
+inline void remove_small(const Image<float>& depth, float area_of_pixel, int min_pixels, float min_area, Image<std::uint8_t>& mask,
+                         RegionScratch& scratch) {
   for_each_component(
-      mask.width(), mask.height(), scratch, [&](int i) { return mask.data()[i] != 0; },
-      [](int, int) { return true; },
+      mask.width(), mask.height(), scratch, [&](int i) { return mask.data()[i] != 0; }, [](int, int) { return true; },
       [&](const int* first, const int* last) {
         float area = 0;
         for (const int* i = first; i != last; ++i) area += depth.data()[*i] * depth.data()[*i];

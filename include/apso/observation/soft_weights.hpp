@@ -16,7 +16,7 @@
 APSO_NAMESPACE_BEGIN
 
 struct SoftWeightOptions {
-  double weight = 0.1;      ///< weight a dynamic point keeps when there are not enough, [0,1]
+  double weight = 0.1;  ///< weight a dynamic point keeps when there are not enough, [0,1]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("weight", s.weight, 0.0, 1.0);
@@ -27,11 +27,9 @@ struct SoftWeightOptions {
 struct StaticSupport {
   static constexpr int kMinimumPoints = 60;     ///< static keypoints that are enough for a pose
   static constexpr double kMinimumShare = 0.1;  ///< share of all keypoints that must be static as well
-  int points = 0;         ///< all keypoints inside the image
-  int static_points = 0;  ///< those on pixels with a dynamic probability below 0.5
-  [[nodiscard]] bool enough() const {
-    return static_points >= kMinimumPoints && static_points >= kMinimumShare * points;
-  }
+  int points = 0;                               ///< all keypoints inside the image
+  int static_points = 0;                        ///< those on pixels with a dynamic probability below 0.5
+  [[nodiscard]] bool enough() const { return static_points >= kMinimumPoints && static_points >= kMinimumShare * points; }
 };
 
 /// \param probability dynamic probability, any image, [0,1]; empty or `none` = everything is static

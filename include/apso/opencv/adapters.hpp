@@ -14,8 +14,8 @@
 #include <apso/traits/image.hpp>
 #include <apso/traits/keypoint.hpp>
 #include <apso/traits/pose.hpp>
-#include <apso/types/image_view.hpp>
 #include <apso/types/frame.hpp>
+#include <apso/types/image_view.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -40,9 +40,7 @@ struct pose_traits<cv::Affine3<Scalar>> {
     }
     return R;
   }
-  static vector translation(const cv::Affine3<Scalar>& T) {
-    return vector(T.matrix(0, 3), T.matrix(1, 3), T.matrix(2, 3));
-  }
+  static vector translation(const cv::Affine3<Scalar>& T) { return vector(T.matrix(0, 3), T.matrix(1, 3), T.matrix(2, 3)); }
   static cv::Affine3<Scalar> make(const matrix& R, const vector& t) {
     cv::Affine3<Scalar> T = cv::Affine3<Scalar>::Identity();
     for (int i = 0; i < 3; ++i) {
@@ -82,7 +80,7 @@ struct keypoint_traits<cv::KeyPoint> {
   static float y(const cv::KeyPoint& k) { return k.pt.y; }
   static float response(const cv::KeyPoint& k) { return k.response; }
   static float angle(const cv::KeyPoint& k) { return k.angle < 0 ? 0.0F : k.angle; }  // OpenCV's -1: not computed
-  static int octave(const cv::KeyPoint& k) { return k.octave & 0xFF; }  // some detectors pack a layer above the octave
+  static int octave(const cv::KeyPoint& k) { return k.octave & 0xFF; }                // some detectors pack a layer above the octave
 };
 
 namespace opencv {
@@ -95,8 +93,7 @@ template <class T>
   expects(!mat.empty() && mat.dims == 2, "as_image: the matrix is empty or not two-dimensional");
   const int wanted = cv::traits::Type<T>::value;
   if (mat.type() != wanted) {
-    contract_violation("as_image: the matrix has type " + cv::typeToString(mat.type()) + ", expected " +
-                       cv::typeToString(wanted));
+    contract_violation("as_image: the matrix has type " + cv::typeToString(mat.type()) + ", expected " + cv::typeToString(wanted));
   }
   return {mat.ptr<T>(), mat.cols, mat.rows, static_cast<std::ptrdiff_t>(mat.step1())};
 }

@@ -19,10 +19,14 @@ namespace opencv {
 /// Colour of a state in pictures (BGR).
 [[nodiscard]] inline cv::Scalar state_colour(SceneState state) {
   switch (state) {
-    case SceneState::Good: return {80, 200, 80};
-    case SceneState::Bad: return {60, 60, 230};
-    case SceneState::Lost: return {200, 60, 200};
-    case SceneState::Initialising: break;
+    case SceneState::Good:
+      return {80, 200, 80};
+    case SceneState::Bad:
+      return {60, 60, 230};
+    case SceneState::Lost:
+      return {200, 60, 200};
+    case SceneState::Initialising:
+      break;
   }
   return {220, 180, 60};
 }
@@ -39,7 +43,7 @@ inline void mask_to_8bit(const DynamicMask& mask, cv::Mat& out) {
 
 /// A colour for an identity (BGR), well apart for identities that follow each other.
 [[nodiscard]] inline cv::Scalar identity_colour(int track_id) {
-  static const cv::Scalar colours[] = {{255, 200, 60},  {80, 230, 255}, {120, 255, 120}, {255, 120, 255},
+  static const cv::Scalar colours[] = {{255, 200, 60}, {80, 230, 255},  {120, 255, 120}, {255, 120, 255},
                                        {60, 160, 255}, {255, 255, 120}, {180, 140, 255}, {200, 255, 200}};
   return track_id < 0 ? cv::Scalar(255, 255, 255) : colours[track_id % 8];
 }
@@ -47,16 +51,15 @@ inline void mask_to_8bit(const DynamicMask& mask, cv::Mat& out) {
 /// Draws what was observed and decided over a copy of the colour image (8-bit BGR).
 /// Dynamic pixels are red, objects boxed in the colour of their identity with class (-1 = found by motion alone), score
 /// and motion probability ("?" where it is not known), static keypoints green dots.
-[[nodiscard]] inline cv::Mat draw_overlay(const cv::Mat& bgr, const Observation& observation,
-                                          const std::vector<Keypoint>& keypoints, const FrameReport& report) {
+[[nodiscard]] inline cv::Mat draw_overlay(const cv::Mat& bgr, const Observation& observation, const std::vector<Keypoint>& keypoints,
+                                          const FrameReport& report) {
   cv::Mat out = bgr.clone();
   const Image<float>& probability = observation.mask.probability;
   for (int y = 0; y < probability.height() && y < out.rows; ++y) {
     cv::Vec3b* row = out.ptr<cv::Vec3b>(y);
     for (int x = 0; x < probability.width() && x < out.cols; ++x) {
       if (probability(x, y) >= 0.5F) {
-        row[x] = cv::Vec3b(static_cast<uchar>(row[x][0] / 2), static_cast<uchar>(row[x][1] / 2),
-                           static_cast<uchar>(row[x][2] / 2 + 127));
+        row[x] = cv::Vec3b(static_cast<uchar>(row[x][0] / 2), static_cast<uchar>(row[x][1] / 2), static_cast<uchar>(row[x][2] / 2 + 127));
       }
     }
   }
@@ -68,13 +71,13 @@ inline void mask_to_8bit(const DynamicMask& mask, cv::Mat& out) {
     cv::circle(out, {x, y}, 1, dynamic ? cv::Scalar(0, 160, 255) : cv::Scalar(0, 255, 0), cv::FILLED);
   }
   for (const Detection& d : observation.objects) {
-    const cv::Rect box(static_cast<int>(d.box.x), static_cast<int>(d.box.y), static_cast<int>(d.box.width),
-                       static_cast<int>(d.box.height));
+    const cv::Rect box(static_cast<int>(d.box.x), static_cast<int>(d.box.y), static_cast<int>(d.box.width), static_cast<int>(d.box.height));
     const cv::Scalar colour = identity_colour(d.track_id);
     cv::rectangle(out, box, colour, 2);
     char label[80];
     int n = std::snprintf(label, sizeof label, "#%d", d.track_id);
-    if (d.class_id >= 0) n += std::snprintf(label + n, sizeof label - static_cast<std::size_t>(n), " class %d %.2f", d.class_id, static_cast<double>(d.score));
+    if (d.class_id >= 0)
+      n += std::snprintf(label + n, sizeof label - static_cast<std::size_t>(n), " class %d %.2f", d.class_id, static_cast<double>(d.score));
     if (d.motion_probability >= 0) {
       std::snprintf(label + n, sizeof label - static_cast<std::size_t>(n), " moves %.2f", static_cast<double>(d.motion_probability));
     } else {

@@ -59,8 +59,7 @@ class LkTracker {
         const cv::Point2f d = back_[i] - from_[i];
         if (!ok_[i] || !ok_back_[i] || !(d.dot(d) <= limit2)) continue;
         const cv::Point2f p = to_[i];
-        if (!(p.x >= 1 && p.y >= 1 && p.x <= static_cast<float>(gray.cols - 2) && p.y <= static_cast<float>(gray.rows - 2)))
-          continue;
+        if (!(p.x >= 1 && p.y >= 1 && p.x <= static_cast<float>(gray.cols - 2) && p.y <= static_cast<float>(gray.rows - 2))) continue;
         char& here = cell(p.x, p.y);
         if (here >= 2) continue;  // tracks that run together: the older (earlier in the list) stay
         ++here;
@@ -74,9 +73,9 @@ class LkTracker {
   [[nodiscard]] const std::vector<PointTrack>& tracks() const { return tracks_; }
 
  private:
-  static constexpr int kLevels = 3;            // of the pyramid above the image
-  static constexpr int kCell = 24;             // one track per cell of this size [px]
-  static constexpr double kRoundTrip = 1.0;    // largest distance after going forward and back [px] (Kalal et al., ICPR 2010)
+  static constexpr int kLevels = 3;          // of the pyramid above the image
+  static constexpr int kCell = 24;           // one track per cell of this size [px]
+  static constexpr double kRoundTrip = 1.0;  // largest distance after going forward and back [px] (Kalal et al., ICPR 2010)
 
   template <class Cell>
   void seed(const std::vector<Keypoint>& keypoints, const Cell& cell) {

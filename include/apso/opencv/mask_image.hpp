@@ -21,7 +21,7 @@ namespace opencv {
   cv::Mat raw;
   try {
     raw = cv::imread(file, cv::IMREAD_UNCHANGED);  // any other mode would scale 16 bit and colours, and lose small labels
-  } catch (const cv::Exception&) {  // more pixels than OpenCV accepts
+  } catch (const cv::Exception&) {                 // more pixels than OpenCV accepts
   }
   if (raw.empty()) throw io_error(file + ": not a readable image");
   if (raw.size() != size) {

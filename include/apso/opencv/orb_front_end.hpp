@@ -41,8 +41,8 @@ class OrbFrontEnd {
  public:
   explicit OrbFrontEnd(const OrbOptions& options = {}) : options_(options) {
     validate(options_, "orb");
-    orb_ = cv::ORB::create(options_.features, static_cast<float>(options_.scale_factor), options_.levels, kEdge, 0, 2,
-                           cv::ORB::FAST_SCORE, kPatch, options_.fast_threshold);
+    orb_ = cv::ORB::create(options_.features, static_cast<float>(options_.scale_factor), options_.levels, kEdge, 0, 2, cv::ORB::FAST_SCORE,
+                           kPatch, options_.fast_threshold);
     for (int y = 0; y <= kHalf; ++y)
       disc_[static_cast<std::size_t>(y)] = static_cast<int>(std::floor(std::sqrt(double(kHalf * kHalf - y * y)) + 0.5));
   }
@@ -65,8 +65,7 @@ class OrbFrontEnd {
         const std::size_t previous = 1 - current;
         const cv::Size size(cvRound(gray.cols / scale), cvRound(gray.rows / scale));
         if (size.width < 2 * kEdge + 16 || size.height < 2 * kEdge + 16) break;
-        cv::resize(level == 1 ? gray : level_[previous], level_[current],
-                   size, 0, 0, cv::INTER_LINEAR);
+        cv::resize(level == 1 ? gray : level_[previous], level_[current], size, 0, 0, cv::INTER_LINEAR);
         image = &level_[current];
       }
       detect_level(*image, level, static_cast<float>(scale), wanted);
@@ -99,8 +98,8 @@ class OrbFrontEnd {
     for (const cv::KeyPoint& c : corners_) {
       const int cx = std::min(columns - 1, static_cast<int>(c.pt.x * static_cast<float>(columns) / static_cast<float>(inside.width)));
       const int cy = std::min(rows - 1, static_cast<int>(c.pt.y * static_cast<float>(rows) / static_cast<float>(inside.height)));
-      candidates_.push_back({c.pt.x + static_cast<float>(inside.x), c.pt.y + static_cast<float>(inside.y), c.response, 0,
-                             cy * columns + cx});
+      candidates_.push_back(
+          {c.pt.x + static_cast<float>(inside.x), c.pt.y + static_cast<float>(inside.y), c.response, 0, cy * columns + cx});
     }
     const auto position_less = [](const Candidate& a, const Candidate& b) { return a.y != b.y ? a.y < b.y : a.x < b.x; };
     std::sort(candidates_.begin(), candidates_.end(), [&](const Candidate& a, const Candidate& b) {

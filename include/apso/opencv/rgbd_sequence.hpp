@@ -22,20 +22,20 @@
 #include <apso/io/tum_text.hpp>
 #include <apso/opencv/cameras.hpp>
 #include <apso/options.hpp>
-#include <apso/types/image_view.hpp>
 #include <apso/types/frame.hpp>
+#include <apso/types/image_view.hpp>
 
 APSO_NAMESPACE_BEGIN
 namespace opencv {
 
 /// One frame of a recording, rectified. When `error` is not empty the images are empty.
 struct SequenceFrame {
-  double timestamp = 0;         ///< of the colour image [s]
-  cv::Mat_<cv::Vec3b> colour;   ///< B, G, R
-  cv::Mat_<uchar> gray;         ///< 8-bit grey
-  Image<float> intensity;       ///< grey in [0,1]
-  Image<float> depth;           ///< [m], 0 where nothing was measured
-  std::string error;            ///< file and what is wrong with it; empty = the frame is good
+  double timestamp = 0;        ///< of the colour image [s]
+  cv::Mat_<cv::Vec3b> colour;  ///< B, G, R
+  cv::Mat_<uchar> gray;        ///< 8-bit grey
+  Image<float> intensity;      ///< grey in [0,1]
+  Image<float> depth;          ///< [m], 0 where nothing was measured
+  std::string error;           ///< file and what is wrong with it; empty = the frame is good
 
   [[nodiscard]] bool ok() const { return error.empty(); }
   /// Views for the library; valid as long as this frame lives.
@@ -64,8 +64,7 @@ class RgbdSequence {
     validate(options, "sequence");
     std::error_code code;
     if (!fs::exists(folder_, code)) throw io_error(folder + ": no such folder, expected one with rgb.txt and depth.txt");
-    if (!fs::is_directory(folder_, code))
-      throw io_error(folder + ": is no folder, expected one with rgb.txt and depth.txt");
+    if (!fs::is_directory(folder_, code)) throw io_error(folder + ": is no folder, expected one with rgb.txt and depth.txt");
     const fs::path associations = folder_ / "associations.txt";
     if (is_there(associations)) {
       for (ImageAssociation& a : read_associations(associations.string(), &warnings_))
@@ -106,8 +105,8 @@ class RgbdSequence {
     out.error = load(rgb_file, cv::IMREAD_COLOR, colour);
     if (out.ok()) out.error = load(depth_file, cv::IMREAD_UNCHANGED, depth);
     if (out.ok() && depth.type() != CV_16UC1)
-      out.error = depth_file + ": has " + std::to_string(depth.channels()) + " channel(s) of " +
-                  std::to_string(8 * depth.elemSize1()) + " bit, expected one of 16 bit";
+      out.error = depth_file + ": has " + std::to_string(depth.channels()) + " channel(s) of " + std::to_string(8 * depth.elemSize1()) +
+                  " bit, expected one of 16 bit";
     if (out.ok()) out.error = check_size(rgb_file, colour);
     if (out.ok()) out.error = check_size(depth_file, depth);
     if (!out.ok()) {
@@ -178,8 +177,7 @@ class RgbdSequence {
     const std::string rgb_txt = (folder_ / "rgb.txt").string();
     const std::string depth_txt = (folder_ / "depth.txt").string();
     for (const std::string& list : {rgb_txt, depth_txt})
-      if (!is_there(list))
-        throw io_error(list + ": no such file, expected lines 'timestamp file' (or associations.txt beside it)");
+      if (!is_there(list)) throw io_error(list + ": no such file, expected lines 'timestamp file' (or associations.txt beside it)");
     std::vector<FileListEntry> rgb = read_file_list(rgb_txt, &warnings_);
     std::vector<FileListEntry> depth = read_file_list(depth_txt, &warnings_);
     std::vector<double> rgb_stamps;
@@ -214,8 +212,8 @@ class RgbdSequence {
   [[nodiscard]] std::string check_size(const std::string& path, const cv::Mat& image) const {
     const Pinhole& p = camera_.pinhole;
     if (image.cols == p.width && image.rows == p.height) return {};
-    return path + ": is " + std::to_string(image.cols) + " x " + std::to_string(image.rows) + ", expected " +
-           std::to_string(p.width) + " x " + std::to_string(p.height) + " as the camera";
+    return path + ": is " + std::to_string(image.cols) + " x " + std::to_string(image.rows) + ", expected " + std::to_string(p.width) +
+           " x " + std::to_string(p.height) + " as the camera";
   }
 
   std::filesystem::path folder_;

@@ -53,7 +53,7 @@ constexpr std::array<const char*, 3> enum_names(RefinedFrames) { return {"every"
 
 template <class AssessorOptionsT = AssessorOptions, class RefinerOptionsT = RefinerOptions>
 struct BasicPipelineOptions {
-  bool motion = true;      ///< ask the motion policy; false: a movable detection counts as moving (as in the paper)
+  bool motion = true;  ///< ask the motion policy; false: a movable detection counts as moving (as in the paper)
   RefinedFrames refine = RefinedFrames::Every;
   ObjectTrackerOptions objects;
   AssessorOptionsT assessor;
@@ -88,7 +88,7 @@ struct FeaturePose {
   PoseT T_world_feature = from_pose<PoseT>(identity_pose());    ///< pose from features; one that is not rigid (is_rigid(), e.g. NaN)
                                                                 ///< counts as failed feature tracking
   PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< pose from the motion model alone
-  bool ok = false;                                               ///< feature tracking succeeded
+  bool ok = false;                                              ///< feature tracking succeeded
   Matrix6 information = zeros<Matrix6>();  ///< of T_world_feature, for the increment d of T_camera_world <- Exp(d) T_camera_world,
                                            ///< translation first [1/m^2, 1/rad^2]: the normal matrix of the pose optimisation;
                                            ///< zero = not known, and so is one that is not finite

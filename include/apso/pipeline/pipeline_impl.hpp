@@ -56,8 +56,7 @@ const Observation& BasicPipeline<P, M, A, R>::observe(const FrameT& frame, const
     mask_from_detections(*found, camera_.width, camera_.height, false, external_);
     combine(external_, MaskCombination::Union, observation_.mask);
   }
-  observation_.informative =
-      given_mask != nullptr || given_detections != nullptr || known_ratio(observation_.mask) > 0;
+  observation_.informative = given_mask != nullptr || given_detections != nullptr || known_ratio(observation_.mask) > 0;
   observation_.objects = objects_.update(observation_.mask, work_.frame().depth, *found, listed_tracks);
   observation_.dynamic_ratio = dynamic_ratio(observation_.mask);
   work_.forget_colour();
@@ -84,8 +83,7 @@ void BasicPipeline<P, M, A, R>::join_mask(const Mask& mask) {
 
 template <class P, class M, class A, class R>
 template <class Keypoints, class Tracks>
-auto BasicPipeline<P, M, A, R>::assess(const Keypoints& keypoints, const Tracks& tracks, const FeaturePose<P>& pose)
-    -> const Assessment& {
+auto BasicPipeline<P, M, A, R>::assess(const Keypoints& keypoints, const Tracks& tracks, const FeaturePose<P>& pose) -> const Assessment& {
   expects(next_ == Step::Assess, "Pipeline::assess: call observe() for the frame first, and assess() once");
   feature_information_ = pose.information;
   T_world_feature_ = taken(pose.T_world_feature);
@@ -155,8 +153,8 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
   report_.T_world_camera = from_pose<P>(T_world_camera);
   // Where the features have failed, a sure direct pose may be built upon, or a tracker that has lost its map never finds a new
   // one. The paper's switch builds on GOOD frames only.
-  const bool repaired = !feature_ok_ && report_.refined && report_.refinement.c_dir >= kSureConfidence &&
-                        options_.refine == RefinedFrames::Every;
+  const bool repaired =
+      !feature_ok_ && report_.refined && report_.refinement.c_dir >= kSureConfidence && options_.refine == RefinedFrames::Every;
   report_.keyframe_allowed = repaired || (feature_ok_ && (report_.state == SceneState::Good || initialising));
   if (options_.motion && report_.state != SceneState::Lost) {
     motion_.remember(work_.frame(), T_world_camera, observation_.mask);

@@ -47,10 +47,10 @@ template <class T>
 using options_of_t = typename options_of<T>::type;
 
 template <class T>
-inline constexpr bool is_assessor_v = detected_v<assess_call_t, T> && detected_v<options_call_t, T> && detected_v<reset_call_t, T>;
+inline constexpr bool is_assessor_v = detected_v<assess_call_t, T>&& detected_v<options_call_t, T>&& detected_v<reset_call_t, T>;
 template <class T>
-inline constexpr bool is_refiner_v = detected_v<refine_call_t, T> && detected_v<remember_call_t, T> &&
-                                     detected_v<options_call_t, T> && detected_v<reset_call_t, T>;
+inline constexpr bool is_refiner_v =
+    detected_v<refine_call_t, T>&& detected_v<remember_call_t, T>&& detected_v<options_call_t, T>&& detected_v<reset_call_t, T>;
 
 template <class T, bool = detected_v<assess_call_t, T>>
 struct assessment_of {
@@ -99,8 +99,8 @@ const Pinhole& checked_camera(const Pinhole& camera, const RefinerOptionsT& refi
     if (aligned && ((camera.width >> finest) < kMinAlignedSize || (camera.height >> finest) < kMinAlignedSize)) {
       const std::string least = std::to_string(kMinAlignedSize << finest);
       contract_violation("Pipeline: the camera has " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
-                         " pixels; to be refined at pyramid level " + std::to_string(finest) + " a frame needs at least " + least +
-                         " x " + least);
+                         " pixels; to be refined at pyramid level " + std::to_string(finest) + " a frame needs at least " + least + " x " +
+                         least);
     }
   }
   return camera;

@@ -27,15 +27,13 @@
 APSO_NAMESPACE_BEGIN
 
 /// The scores of the paper. This is the one place that names them.
-using PaperFrameScores = ScoreList<Confidence, Spatial, Feature, Depth>;                   // equation (1)
-using PaperChangeScores = ScoreList<MotionChange, DepthChange, DetectionChange>;           // equation (7)
+using PaperFrameScores = ScoreList<Confidence, Spatial, Feature, Depth>;          // equation (1)
+using PaperChangeScores = ScoreList<MotionChange, DepthChange, DetectionChange>;  // equation (7)
 
 enum class SceneState { Initialising, Good, Bad, Lost };
 constexpr std::array<const char*, 4> enum_names(SceneState) { return {"INITIALISING", "GOOD", "BAD", "LOST"}; }
 /// Name of a state, for reports.
-[[nodiscard]] constexpr const char* to_string(SceneState s) {
-  return enum_names(SceneState{})[static_cast<std::size_t>(s)];
-}
+[[nodiscard]] constexpr const char* to_string(SceneState s) { return enum_names(SceneState{})[static_cast<std::size_t>(s)]; }
 
 /// What does not depend on the lists of scores.
 struct AssessmentSummary {
@@ -48,25 +46,25 @@ struct AssessmentSummary {
   MaybeDeviation S_step;         ///< the same score against the frame before; decides about hand-over only
   int steady_frames = 0;         ///< consecutive frames that are good by themselves and continue the one before
 
-  double dynamic_ratio = 0;  ///< [0,1], the one that entered the weights
-  double W_base = 0;         ///< equation (8)
-  double W_change = 0;       ///< equation (9)
-  MaybeQuality S_final;      ///< equation (6); missing while initialising
-  double th_f = 0;           ///< equation (4) [frames]
-  double th_s = 0;           ///< equation (5), [0,1]
-  double th_differ = 0;      ///< equation (11), [0,1]; 0 while initialising
+  double dynamic_ratio = 0;       ///< [0,1], the one that entered the weights
+  double W_base = 0;              ///< equation (8)
+  double W_change = 0;            ///< equation (9)
+  MaybeQuality S_final;           ///< equation (6); missing while initialising
+  double th_f = 0;                ///< equation (4) [frames]
+  double th_s = 0;                ///< equation (5), [0,1]
+  double th_differ = 0;           ///< equation (11), [0,1]; 0 while initialising
   bool scenario_static = false;   ///< static, rich in features: S_final boosted
   bool scenario_dynamic = false;  ///< dynamic: the change counts most
   bool scenario_objects = false;  ///< confident detections: S_final boosted
 
   SceneState state = SceneState::Initialising;  ///< never Lost: that is for whoever owns the pose to say
-  bool feature_tracking_ok = true;     ///< false also for a feature pose that was refused
-  bool feature_pose_refused = false;   ///< the feature tracker's pose is no rigid motion (is_rigid()), e.g. NaN: it counts as none
-  bool degraded = false;               ///< the reference was committed by timeout with too low a score
-  bool initialisation_failed = false;  ///< the search for a reference began anew with this frame
-  bool benchmark_updated = false;      ///< the reference was set or replaced after this frame, equation (10)
-  double benchmark_age = 0;            ///< age of the frame compared with [s]; 0 without one
-  double S_reference = 0;              ///< S_total of the frame compared with
+  bool feature_tracking_ok = true;              ///< false also for a feature pose that was refused
+  bool feature_pose_refused = false;            ///< the feature tracker's pose is no rigid motion (is_rigid()), e.g. NaN: it counts as none
+  bool degraded = false;                        ///< the reference was committed by timeout with too low a score
+  bool initialisation_failed = false;           ///< the search for a reference began anew with this frame
+  bool benchmark_updated = false;               ///< the reference was set or replaced after this frame, equation (10)
+  double benchmark_age = 0;                     ///< age of the frame compared with [s]; 0 without one
+  double S_reference = 0;                       ///< S_total of the frame compared with
 };
 
 /// Everything that was computed about a frame.
@@ -129,9 +127,8 @@ void score_value(const R& r, F& f) {
 /// Columns of one score, NaN when it is missing.
 template <class R, class F>
 void score_columns(const std::string& prefix, const R& r, F& f) {
-  score_traits<typename R::Score>::Measured::columns(r.measured, [&](const char* name, const double& v) {
-    f(prefix + name, r.value ? v : std::numeric_limits<double>::quiet_NaN());
-  });
+  score_traits<typename R::Score>::Measured::columns(
+      r.measured, [&](const char* name, const double& v) { f(prefix + name, r.value ? v : std::numeric_limits<double>::quiet_NaN()); });
 }
 }  // namespace detail
 

@@ -22,16 +22,16 @@ APSO_NAMESPACE_BEGIN
 
 /// A frame in the types of the library. Nothing is kept beyond the call.
 struct AssessmentInput {
-  RgbdFrame frame;                               ///< without intensity blur is not seen, without depth S_depth and
-                                                 ///< S_dc are missing
-  ImageView<const float> dynamic_probability{};  ///< [0,1], of the frame's size; empty = everything static
-  const std::vector<Keypoint>* keypoints = nullptr;   ///< null: S_feature is missing
-  const std::vector<PointTrack>* tracks = nullptr;    ///< null: S_mc is missing
-  const std::vector<Detection>* objects = nullptr;    ///< null: S_dec is missing; else as an empty list
-  double dynamic_ratio = 0;                      ///< [0,1]; NaN counts as 1
-  bool feature_tracking_ok = true;               ///< did the feature tracker find a pose?
-  const Pose* T_world_camera = nullptr;          ///< that pose, if known: one that is not rigid (is_rigid(), e.g. NaN) counts as
-                                                 ///< none found; FlowKind::PosePredicted asks for it
+  RgbdFrame frame;                                   ///< without intensity blur is not seen, without depth S_depth and
+                                                     ///< S_dc are missing
+  ImageView<const float> dynamic_probability{};      ///< [0,1], of the frame's size; empty = everything static
+  const std::vector<Keypoint>* keypoints = nullptr;  ///< null: S_feature is missing
+  const std::vector<PointTrack>* tracks = nullptr;   ///< null: S_mc is missing
+  const std::vector<Detection>* objects = nullptr;   ///< null: S_dec is missing; else as an empty list
+  double dynamic_ratio = 0;                          ///< [0,1]; NaN counts as 1
+  bool feature_tracking_ok = true;                   ///< did the feature tracker find a pose?
+  const Pose* T_world_camera = nullptr;              ///< that pose, if known: one that is not rigid (is_rigid(), e.g. NaN) counts as
+                                                     ///< none found; FlowKind::PosePredicted asks for it
 };
 
 /// A frame in types of yours. Made by assessment_input().

@@ -221,10 +221,14 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
   [[nodiscard]] double choose_dynamic_ratio(double given, const FrameContext& c) const {
     const double area = Deviation(given).value();
     switch (o_.dynamic_ratio) {
-      case DynamicRatio::MaskArea: return area;
-      case DynamicRatio::Features: return dynamic_share_of_keypoints(c);
-      case DynamicRatio::Max: return std::max(area, dynamic_share_of_keypoints(c));
-      case DynamicRatio::Count: break;
+      case DynamicRatio::MaskArea:
+        return area;
+      case DynamicRatio::Features:
+        return dynamic_share_of_keypoints(c);
+      case DynamicRatio::Max:
+        return std::max(area, dynamic_share_of_keypoints(c));
+      case DynamicRatio::Count:
+        break;
     }
     const std::vector<Detection>& objects = c.object_list();
     if (objects.empty()) return 0;
@@ -262,8 +266,8 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
   void decide() {
     a_.th_f = initialiser_.th_f();
     a_.th_s = initialiser_.th_s();
-    const Decision d = decision_.decide(a_.S_total, a_.of(ScoreRole::FeatureQuality), a_.of(ScoreRole::ObjectConfidence), a_.S_change,
-                                        a_.dynamic_ratio);
+    const Decision d =
+        decision_.decide(a_.S_total, a_.of(ScoreRole::FeatureQuality), a_.of(ScoreRole::ObjectConfidence), a_.S_change, a_.dynamic_ratio);
     a_.W_base = d.W_base;
     a_.W_change = d.W_change;
     a_.S_final = d.S_final;

@@ -64,8 +64,7 @@ void revalue(BasicCalibrationSample<F, C>& sample, const BasicAssessorOptions<F,
 [[nodiscard]] inline double calibrate_threshold(std::vector<double> S_final, double lowest = kLowestThreshold,
                                                 double highest = kHighestThreshold) {
   expects(lowest <= highest, "calibrate_threshold: lowest must be <= highest");
-  S_final.erase(std::remove_if(S_final.begin(), S_final.end(), [](double v) { return !std::isfinite(v); }),
-                S_final.end());
+  S_final.erase(std::remove_if(S_final.begin(), S_final.end(), [](double v) { return !std::isfinite(v); }), S_final.end());
   if (S_final.empty()) return highest;
   const double median = median_in_place(S_final);
   for (double& v : S_final) v = std::abs(v - median);
@@ -102,11 +101,10 @@ struct FittedWeights {
 /// Without a hard or without another frame the weights stay as they are.
 template <class F, class C>
 [[nodiscard]] FittedWeights<F, C> fit_weights(const std::vector<BasicCalibrationSample<F, C>>& samples, const ScoreWeights<F>& frame,
-                                              const ScoreWeights<C>& change, const DecisionOptions& decision,
-                                              double softness = 0.05, double minimum = 0.10) {
+                                              const ScoreWeights<C>& change, const DecisionOptions& decision, double softness = 0.05,
+                                              double minimum = 0.10) {
   expects(softness > 0, "fit_weights: softness must be > 0");
-  const auto hard =
-      static_cast<double>(std::count_if(samples.begin(), samples.end(), [](const auto& s) { return s.hard; }));
+  const auto hard = static_cast<double>(std::count_if(samples.begin(), samples.end(), [](const auto& s) { return s.hard; }));
   const double other = static_cast<double>(samples.size()) - hard;
   FittedWeights<F, C> best;
   best.frame = frame;

@@ -65,9 +65,7 @@ inline constexpr double kConfidenceOfObjects = 0.8;
 [[nodiscard]] constexpr Quality boost(Quality s, double b) { return Quality(s.value() + clamp01(b) * (1.0 - s.value())); }
 
 /// Equation (8): W_base = max(0, W - a Dynamic_ratio), before the scenarios.
-[[nodiscard]] inline double base_weight(double from, double dynamic_ratio, double a) {
-  return std::max(0.0, from - a * dynamic_ratio);
-}
+[[nodiscard]] inline double base_weight(double from, double dynamic_ratio, double a) { return std::max(0.0, from - a * dynamic_ratio); }
 
 /// Equation (6): S_final without the boosts; a missing change leaves S_total.
 [[nodiscard]] inline Quality combine_final(Quality S_total, MaybeDeviation S_change, double W_base,

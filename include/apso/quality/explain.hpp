@@ -35,8 +35,8 @@ template <class F, class C>
   s.precision(2);
   s << to_string(a.state);
   if (a.state == SceneState::Initialising) {
-    s << ": frame " << a.frame << ", S_total " << a.S_total.value() << ", needs " << a.th_s << " after "
-      << std::lround(a.th_f) << " frames";
+    s << ": frame " << a.frame << ", S_total " << a.S_total.value() << ", needs " << a.th_s << " after " << std::lround(a.th_f)
+      << " frames";
     if (a.initialisation_failed) s << ", no frame was good enough, the search begins anew";
     if (a.benchmark_updated) s << (a.degraded ? ", timeout: the best frame is taken although it is poor" : ", reference found");
   } else {

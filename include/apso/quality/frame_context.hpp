@@ -35,15 +35,15 @@ inline constexpr float kDynamicThreshold = 0.5F;
 struct FrameContext {
   double timestamp = 0;  ///< [s]
   Pinhole camera;
-  AnyImage intensity;                             ///< [0,1]; empty = none
-  AnyImage depth;                                 ///< [m]; empty = none
-  AnyImage dynamic_probability;                   ///< [0,1]; empty = everything is static
-  DepthRange depth_range;                         ///< depths that may be used, see depth_valid()
+  AnyImage intensity;                                ///< [0,1]; empty = none
+  AnyImage depth;                                    ///< [m]; empty = none
+  AnyImage dynamic_probability;                      ///< [0,1]; empty = everything is static
+  DepthRange depth_range;                            ///< depths that may be used, see depth_valid()
   const std::vector<Keypoint>* keypoints = nullptr;  ///< null = none were given
   const std::vector<PointTrack>* tracks = nullptr;   ///< null = none were given
   const std::vector<Detection>* objects = nullptr;   ///< null = none were given; empty = nothing was detected
-  const Pose* T_world_camera = nullptr;           ///< pose of the feature tracker; null = not known
-  bool initialising = false;                      ///< there is no reference frame yet
+  const Pose* T_world_camera = nullptr;              ///< pose of the feature tracker; null = not known
+  bool initialising = false;                         ///< there is no reference frame yet
 
   [[nodiscard]] int width() const { return camera.width; }    ///< [px]
   [[nodiscard]] int height() const { return camera.height; }  ///< [px]

@@ -107,8 +107,7 @@ using score_of_frame_t = decltype(std::declval<S&>()(std::declval<const FrameCon
 template <class S>
 using score_of_change_t = decltype(std::declval<S&>()(std::declval<const ChangeContext<typename S::Memory>&>()));
 template <class S>
-using score_remember_t =
-    decltype(std::declval<S&>().remember(std::declval<const FrameContext&>(), std::declval<typename S::Memory&>()));
+using score_remember_t = decltype(std::declval<S&>().remember(std::declval<const FrameContext&>(), std::declval<typename S::Memory&>()));
 template <class S>
 using score_share_t = decltype(S::visible_share(std::declval<const typename S::Measured&>()));
 template <class S>
@@ -116,8 +115,7 @@ using score_calibrate_t =
     decltype(S::calibrate(std::declval<const std::vector<typename S::Measured>&>(),
                           std::declval<const std::vector<typename S::Measured>&>(), std::declval<typename S::Options&>()));
 template <class S>
-using score_revalue_t =
-    decltype(S::revalue(std::declval<const typename S::Measured&>(), std::declval<const typename S::Options&>()));
+using score_revalue_t = decltype(S::revalue(std::declval<const typename S::Measured&>(), std::declval<const typename S::Options&>()));
 
 template <class S, template <class> class Member, class Otherwise, class = void>
 struct member_or {
@@ -145,9 +143,7 @@ struct score_traits {
   static constexpr Better better = std::is_same_v<Value, Quality> ? Better::Higher : Better::Lower;
   static constexpr const char* name = S::name;
   /// The name without "S_".
-  [[nodiscard]] static constexpr const char* key() {
-    return S::name[0] == 'S' && S::name[1] == '_' ? S::name + 2 : S::name;
-  }
+  [[nodiscard]] static constexpr const char* key() { return S::name[0] == 'S' && S::name[1] == '_' ? S::name + 2 : S::name; }
   [[nodiscard]] static constexpr const char* options_name() {
     if constexpr (detail::detected_v<detail::score_options_name_t, S>) return S::options_name;
     else return key();

@@ -66,8 +66,7 @@ struct InitialisationOptions {
 
 /// The next th_f at frame n (1-based) [frames].
 [[nodiscard]] inline double next_frame_threshold(double th_f, double n, const InitialisationOptions& o = {}) {
-  const double next = o.frame_threshold == FrameThreshold::Literal ? th_f * std::exp(std::max(0.0, n / th_f - 1.0))
-                                                                   : std::ceil(1.5 * th_f);
+  const double next = o.frame_threshold == FrameThreshold::Literal ? th_f * std::exp(std::max(0.0, n / th_f - 1.0)) : std::ceil(1.5 * th_f);
   return std::min(o.frames_max, next);
 }
 
@@ -77,8 +76,7 @@ struct InitialisationOptions {
 }
 
 /// One step of the recursion for th_s as printed, not limited from above: it may exceed 1 by far.
-[[nodiscard]] inline double literal_quality_threshold(double th_s, double th_f, double n,
-                                                      const InitialisationOptions& o = {}) {
+[[nodiscard]] inline double literal_quality_threshold(double th_s, double th_f, double n, const InitialisationOptions& o = {}) {
   return std::max(o.quality_min, o.decay * th_s * std::log(th_f / n));
 }
 
@@ -157,10 +155,10 @@ class BasicInitialiser {
     }
     return step;
   }
-  [[nodiscard]] int frames() const { return n_; }                         ///< n, frames offered
-  [[nodiscard]] double th_f() const { return thresholds_.frames(); }      ///< [frames]
-  [[nodiscard]] double th_s() const { return thresholds_.quality(); }     ///< [0,1]
-  [[nodiscard]] Quality best() const { return Quality(best_); }           ///< S* (0 when there is none)
+  [[nodiscard]] int frames() const { return n_; }                      ///< n, frames offered
+  [[nodiscard]] double th_f() const { return thresholds_.frames(); }   ///< [frames]
+  [[nodiscard]] double th_s() const { return thresholds_.quality(); }  ///< [0,1]
+  [[nodiscard]] Quality best() const { return Quality(best_); }        ///< S* (0 when there is none)
   [[nodiscard]] bool has_best() const { return best_ >= 0; }
 
  private:

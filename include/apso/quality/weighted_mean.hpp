@@ -26,16 +26,14 @@ void validate_weights(const std::array<double, N>& weights, const char* name) {
     sum += w;
   }
   if (ok && std::abs(sum - 1.0) <= 1e-6) return;
-  contract_violation(std::string("the weights ") + name + " must be >= 0 and sum to 1, their sum is " +
-                     std::to_string(sum));
+  contract_violation(std::string("the weights ") + name + " must be >= 0 and sum to 1, their sum is " + std::to_string(sum));
 }
 
 /// f(S; w) = sum w_i S_i / sum w_i over the components that are present. Missing when none is present or all
 /// present ones have weight 0.
 /// \tparam Score Quality or Deviation
 template <class Score, std::size_t N>
-[[nodiscard]] std::optional<Score> weighted_mean(const std::array<std::optional<Score>, N>& scores,
-                                                 const std::array<double, N>& weights) {
+[[nodiscard]] std::optional<Score> weighted_mean(const std::array<std::optional<Score>, N>& scores, const std::array<double, N>& weights) {
   validate_weights(weights, "of a weighted mean");
   double sum = 0;
   double weight = 0;
@@ -52,9 +50,9 @@ template <class Score, std::size_t N>
 template <class S>
 struct ScoreResult {
   using Score = S;
-  std::optional<typename S::Value> value;          ///< missing is not zero
-  double weight = 0;                               ///< in the weighted mean, [0,1]
-  typename score_traits<S>::Measured measured{};   ///< what the value was computed from
+  std::optional<typename S::Value> value;         ///< missing is not zero
+  double weight = 0;                              ///< in the weighted mean, [0,1]
+  typename score_traits<S>::Measured measured{};  ///< what the value was computed from
 };
 /// The scores of a list.
 template <class List>

@@ -41,15 +41,15 @@ template <class PoseT = Pose>
 struct PairAlignment {
   Status status = Status::NotRun;
   PoseT T_current_reference = from_pose<PoseT>(identity_pose());  ///< the initial guess if the status is a failure
-  double confidence = 0;            ///< c_dir by the typical residual scales of a structured-light camera
+  double confidence = 0;                                          ///< c_dir by the typical residual scales of a structured-light camera
   double backward_translation = 0;  ///< difference to the alignment the other way round [m]; 0 = not asked for,
   double backward_rotation = 0;     ///< infinite when that one failed; [rad]
   AlignmentResult detail;           ///< with the reference as world
 };
 
 /// Largest differences between the two directions of PairOptions::backward: as far off as the confidence lets a pose be.
-inline constexpr double kBackwardTranslation = 0.02;         ///< [m]
-inline constexpr double kBackwardRotation = 1.0 * kDegree;   ///< [rad]
+inline constexpr double kBackwardTranslation = 0.02;        ///< [m]
+inline constexpr double kBackwardRotation = 1.0 * kDegree;  ///< [rad]
 
 namespace detail {
 // Compares with the alignment the other way round, of which the current frame is the world.
@@ -65,15 +65,13 @@ inline void check_backward(const AlignmentResult& back, PairAlignment<Pose>& out
 }
 
 template <class Executor>
-PairAlignment<Pose> align_pair(const AnyFrame& reference_frame, const AnyFrame& current_frame, const Pinhole& camera,
-                               const Pose& T_guess, const PairOptions& options, const Executor& executor) {
+PairAlignment<Pose> align_pair(const AnyFrame& reference_frame, const AnyFrame& current_frame, const Pinhole& camera, const Pose& T_guess,
+                               const PairOptions& options, const Executor& executor) {
   validate(options, "align");
   FramePyramid reference;
   FramePyramid current;
-  reference.build(reference_frame, camera, {}, options.pyramid,
-                  options.backward ? PyramidRole::Both : PyramidRole::Reference, executor);
-  current.build(current_frame, camera, {}, options.pyramid, options.backward ? PyramidRole::Both : PyramidRole::Current,
-                executor);
+  reference.build(reference_frame, camera, {}, options.pyramid, options.backward ? PyramidRole::Both : PyramidRole::Reference, executor);
+  current.build(current_frame, camera, {}, options.pyramid, options.backward ? PyramidRole::Both : PyramidRole::Current, executor);
   DirectAligner aligner(options.alignment);
   PairAlignment<Pose> out;
   out.detail = aligner.align({{&reference, identity_pose(), 1.0}}, current, {inverse(T_guess)}, executor);
@@ -94,8 +92,8 @@ PairAlignment<Pose> align_pair(const AnyFrame& reference_frame, const AnyFrame& 
 /// \param executor the result does not depend on its threads
 template <class RI, class RD, class CI, class CD, class PoseT = Pose, class Executor = SerialExecutor>
 [[nodiscard]] PairAlignment<PoseT> align(const Frame<RI, RD>& reference_frame, const Frame<CI, CD>& current_frame,
-                                         const PoseT& T_current_reference_guess = identity_pose(),
-                                         const PairOptions& options = {}, const Executor& executor = {}) {
+                                         const PoseT& T_current_reference_guess = identity_pose(), const PairOptions& options = {},
+                                         const Executor& executor = {}) {
   check_pose<PoseT>();
   const PairAlignment<Pose> found = detail::align_pair(AnyFrame(reference_frame), AnyFrame(current_frame), reference_frame.camera,
                                                        to_pose(T_current_reference_guess), options, executor);
@@ -111,8 +109,8 @@ template <class RI, class RD, class CI, class CD, class PoseT = Pose, class Exec
 /// \param reference_intensity,current_intensity 8 and 16 bit are brought to [0,1], float is in [0,1]
 /// \param reference_depth,current_depth in PairOptions::depth_unit
 /// \param camera a Pinhole or any type with camera_traits
-template <class ReferenceIntensity, class ReferenceDepth, class CurrentIntensity, class CurrentDepth, class CameraT,
-          class PoseT = Pose, class Executor = SerialExecutor>
+template <class ReferenceIntensity, class ReferenceDepth, class CurrentIntensity, class CurrentDepth, class CameraT, class PoseT = Pose,
+          class Executor = SerialExecutor>
 [[nodiscard]] PairAlignment<PoseT> align(const ReferenceIntensity& reference_intensity, const ReferenceDepth& reference_depth,
                                          const CurrentIntensity& current_intensity, const CurrentDepth& current_depth,
                                          const CameraT& camera, const PoseT& T_current_reference_guess = identity_pose(),

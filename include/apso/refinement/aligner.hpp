@@ -4,7 +4,8 @@
 ///     T = argmin sum_k B_k sum_p gamma_k(p) gamma_c(u) [ alpha^2 C(s_I) + C(s_D) ],  s_I = w_I r_I, s_D = w_D r_D
 ///
 /// over the one pose of the current camera. T_c_k = T_c_w T_w_k, so one increment from the left serves all references.
-/// Solved coarse to fine (solver/level_solver.hpp). Directions that the images do not determine keep the initial guess (solver/degeneracy.hpp).
+/// Solved coarse to fine (solver/level_solver.hpp). Directions that the images do not determine keep the initial guess
+/// (solver/degeneracy.hpp).
 #pragma once
 
 #include <type_traits>
@@ -48,8 +49,7 @@ class BasicDirectAligner {
   ///        coarsest level. The first one is the initial guess that a failure and degenerate directions keep.
   /// \param executor the result does not depend on its threads
   [[nodiscard]] AlignmentResult align(const std::vector<AlignmentReference>& references, const FramePyramid& current,
-                                      const std::vector<Pose>& T_world_camera_candidates,
-                                      const ExecutorRef& executor = SerialExecutor{}) {
+                                      const std::vector<Pose>& T_world_camera_candidates, const ExecutorRef& executor = SerialExecutor{}) {
     prepare();
     return core_.align(references, current, T_world_camera_candidates, executor);
   }

@@ -13,25 +13,25 @@
 APSO_NAMESPACE_BEGIN
 
 struct AlignmentOptions {
-  RobustKernel kernel;                     ///< C of the cost
-  bool graduated = false;                  ///< Tukey at the finest level, `kernel` before
-  ScaleKind scale = ScaleKind::Mad;        ///< how the spread of the residuals is measured
+  RobustKernel kernel;                               ///< C of the cost
+  bool graduated = false;                            ///< Tukey at the finest level, `kernel` before
+  ScaleKind scale = ScaleKind::Mad;                  ///< how the spread of the residuals is measured
   ScaleCoupling coupling = ScaleCoupling::Separate;  ///< of which residuals
-  double scale_floor = 0.25;               ///< smallest scale at the finest level, in units of the noise model: below it, the model is
-                                           ///< too pessimistic; 0.25 at coarser levels; 0 = none at any level
-  double alpha = 2;                        ///< photometric against depth term at the finest level: depth gives basin, intensity
-                                           ///< precision; with noisy, badly registered depth rather 4
-  double alpha_coarse = 1;                 ///< the same at coarser levels
+  double scale_floor = 0.25;  ///< smallest scale at the finest level, in units of the noise model: below it, the model is
+                              ///< too pessimistic; 0.25 at coarser levels; 0 = none at any level
+  double alpha = 2;           ///< photometric against depth term at the finest level: depth gives basin, intensity
+                              ///< precision; with noisy, badly registered depth rather 4
+  double alpha_coarse = 1;    ///< the same at coarser levels
   AlphaPlace alpha_place = AlphaPlace::Outside;
-  bool illumination = true;                ///< gain and offset of the brightness are estimated per reference; false: eq. (13) as printed
-  double min_valid_share = 0.2;            ///< a smaller share of valid ones of the pixels not masked is NoOverlap; half of it will do
-                                           ///< where the intensities correlate by 0.9
-  bool depth_alone = false;                ///< a current image that is all white or black is no failure: depth decides
-  bool prealign_rotation = true;           ///< photometric rotation-only search at the coarsest level
-  double multi_start_threshold = 0.12;     ///< share of what both images show, at about 80x60, from which on what contradicts the pose
-                                           ///< makes alignment restart from other poses; 0 = always, 1 = never. Frames that are mostly
-                                           ///< masked restart unless it is 1
-  bool regions = true;                     ///< tiles that move on their own count less (region_labels.hpp)
+  bool illumination = true;             ///< gain and offset of the brightness are estimated per reference; false: eq. (13) as printed
+  double min_valid_share = 0.2;         ///< a smaller share of valid ones of the pixels not masked is NoOverlap; half of it will do
+                                        ///< where the intensities correlate by 0.9
+  bool depth_alone = false;             ///< a current image that is all white or black is no failure: depth decides
+  bool prealign_rotation = true;        ///< photometric rotation-only search at the coarsest level
+  double multi_start_threshold = 0.12;  ///< share of what both images show, at about 80x60, from which on what contradicts the pose
+                                        ///< makes alignment restart from other poses; 0 = always, 1 = never. Frames that are mostly
+                                        ///< masked restart unless it is 1
+  bool regions = true;                  ///< tiles that move on their own count less (region_labels.hpp)
   WarpOptions warp;
   NoiseOptions noise;
 

@@ -38,8 +38,8 @@ enum class BlendWeight {
 constexpr std::array<const char*, 2> enum_names(BlendWeight) { return {"confidence", "printed"}; }
 
 struct BlendOptions {
-  double mu = 2.0;                                   ///< of w_diff = exp(-mu S_change); the paper gives no value
-  BlendForm form = BlendForm::InformationWeighted;   ///< docs/quality.md has the ablation; the others average by w_diff
+  double mu = 2.0;                                  ///< of w_diff = exp(-mu S_change); the paper gives no value
+  BlendForm form = BlendForm::InformationWeighted;  ///< docs/quality.md has the ablation; the others average by w_diff
   BlendWeight weight = BlendWeight::Confidence;
   double transition = 0;  ///< S_final below th_differ over which the direct pose gains its weight, so that the output does
                           ///< not jump where GOOD becomes BAD; typical 0.05; 0 = at once, as the paper has it
@@ -57,8 +57,8 @@ inline constexpr double kBlendGateTranslation = 2 * kMotionSigmaTranslation;  //
 inline constexpr double kBlendGateRotation = 2 * kMotionSigmaRotation;        ///< [rad]
 /// Standard deviation of a feature pose whose tracker does not tell its information: what apso_track reaches on static
 /// recordings.
-inline constexpr double kFeatureSigmaTranslation = 0.005;    ///< [m]
-inline constexpr double kFeatureSigmaRotation = 0.0025;      ///< [rad]
+inline constexpr double kFeatureSigmaTranslation = 0.005;  ///< [m]
+inline constexpr double kFeatureSigmaRotation = 0.0025;    ///< [rad]
 /// What is believed of the information that a feature tracker tells. Its errors are taken for independent there, but
 /// landmarks are seen again and again from nearly the same place, and err alike.
 inline constexpr double kFeatureInformationShare = 0.3;
@@ -67,9 +67,7 @@ inline constexpr double kFeatureInformationShare = 0.3;
 [[nodiscard]] inline double difference_weight(double S_change, double mu) { return std::exp(-mu * Deviation(S_change).value()); }
 
 /// The same after the direct pose has been judged: 1 - c_dir (1 - w_diff). Without confidence (0 or NaN) the feature pose stays.
-[[nodiscard]] inline double effective_weight(double w_diff, double c_dir) {
-  return 1.0 - clamp01(c_dir) * (1.0 - clamp01(w_diff));
-}
+[[nodiscard]] inline double effective_weight(double w_diff, double c_dir) { return 1.0 - clamp01(c_dir) * (1.0 - clamp01(w_diff)); }
 
 namespace detail {
 // The one pose to take when the other is NaN or otherwise no rigid motion; null when both can be blended.
@@ -177,11 +175,11 @@ template <class PoseT>
 
 /// What is known of two poses besides themselves.
 struct BlendEvidence {
-  double S_change = 0;   ///< change score, [0,1]
-  double c_dir = 1;      ///< confidence in the direct pose, [0,1]
-  double S_final = 1;    ///< trust in the frame, [0,1]; this and the two below are used by InformationWeighted only
-  Matrix6 direct_information = zeros<Matrix6>();   ///< of the increment (v, w) in the camera frame [1/m^2, 1/rad^2]
-  Matrix6 feature_information = zeros<Matrix6>();  ///< the same; zero = the tracker does not tell
+  double S_change = 0;  ///< change score, [0,1]
+  double c_dir = 1;     ///< confidence in the direct pose, [0,1]
+  double S_final = 1;   ///< trust in the frame, [0,1]; this and the two below are used by InformationWeighted only
+  Matrix6 direct_information = zeros<Matrix6>();                     ///< of the increment (v, w) in the camera frame [1/m^2, 1/rad^2]
+  Matrix6 feature_information = zeros<Matrix6>();                    ///< the same; zero = the tracker does not tell
   double below_threshold = std::numeric_limits<double>::infinity();  ///< th_differ - S_final; for BlendOptions::transition
 };
 
@@ -241,8 +239,8 @@ namespace detail {
 /// as not told.
 /// \param T_predicted motion prediction, decides between poses that are too far apart; not finite: for the feature pose
 template <class PoseT>
-[[nodiscard]] Blended<PoseT> blend(const PoseT& T_feature, const PoseT& T_direct, const PoseT& T_predicted,
-                                   const BlendEvidence& evidence, const BlendOptions& options = {}) {
+[[nodiscard]] Blended<PoseT> blend(const PoseT& T_feature, const PoseT& T_direct, const PoseT& T_predicted, const BlendEvidence& evidence,
+                                   const BlendOptions& options = {}) {
   check_pose<PoseT>();
   const Blended<Pose> b = detail::blend_judged(to_pose(T_feature), to_pose(T_direct), to_pose(T_predicted), evidence, options);
   return {b.w_eff >= 1 ? T_feature : (b.w_eff > 0 ? from_pose<PoseT>(b.T_world_camera) : T_direct), b.w_diff, b.w_eff, b.gated};

@@ -34,39 +34,39 @@ APSO_NAMESPACE_BEGIN
 /// \tparam PoseT any type with pose_traits
 template <class PoseT = Pose>
 struct RefinementInput {
-  AnyFrame frame;                  ///< a Frame of your images, or an RgbdFrame
-  AnyImage dynamic_probability;    ///< any image of the size of the frame, [0,1], 1 = dynamic; may be empty
-  FlowGrid flow;                   ///< flow_grid(tracks, width, height); for MotionForm::FlowGrid only
-  bool mask_informative = false;   ///< the mask of this frame says what moves
-  bool highly_dynamic = false;     ///< so much moves that no pose can be trusted without a mask
+  AnyFrame frame;                 ///< a Frame of your images, or an RgbdFrame
+  AnyImage dynamic_probability;   ///< any image of the size of the frame, [0,1], 1 = dynamic; may be empty
+  FlowGrid flow;                  ///< flow_grid(tracks, width, height); for MotionForm::FlowGrid only
+  bool mask_informative = false;  ///< the mask of this frame says what moves
+  bool highly_dynamic = false;    ///< so much moves that no pose can be trusted without a mask
   PoseT T_world_feature = from_pose<PoseT>(identity_pose());
-  bool feature_ok = true;          ///< false: the feature tracker is lost, its pose is not used
-  bool feature_trusted = false;    ///< the frame is GOOD: its feature pose is near the truth, and no other start is tried
-  PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< by constant velocity
-  PoseT T_world_previous = from_pose<PoseT>(identity_pose());   ///< emitted for the previous frame
-  double S_change = 0;             ///< change score (a deviation), [0,1]
-  double S_final = 1;              ///< trust in the frame, [0,1]
-  Matrix6 feature_information = zeros<Matrix6>();  ///< of the increment (v, w) in the camera frame [1/m^2, 1/rad^2];
-                                                   ///< zero = the feature tracker does not tell
+  bool feature_ok = true;        ///< false: the feature tracker is lost, its pose is not used
+  bool feature_trusted = false;  ///< the frame is GOOD: its feature pose is near the truth, and no other start is tried
+  PoseT T_world_predicted = from_pose<PoseT>(identity_pose());       ///< by constant velocity
+  PoseT T_world_previous = from_pose<PoseT>(identity_pose());        ///< emitted for the previous frame
+  double S_change = 0;                                               ///< change score (a deviation), [0,1]
+  double S_final = 1;                                                ///< trust in the frame, [0,1]
+  Matrix6 feature_information = zeros<Matrix6>();                    ///< of the increment (v, w) in the camera frame [1/m^2, 1/rad^2];
+                                                                     ///< zero = the feature tracker does not tell
   double below_threshold = std::numeric_limits<double>::infinity();  ///< th_differ - S_final; for BlendOptions::transition
 };
 
 /// Outcome for one frame.
 template <class PoseT = Pose>
 struct BasicRefinement {
-  Status status = Status::NotRun;    ///< a failure leaves T_world_camera at the feature pose (or prediction)
+  Status status = Status::NotRun;                            ///< a failure leaves T_world_camera at the feature pose (or prediction)
   PoseT T_world_camera = from_pose<PoseT>(identity_pose());  ///< of both poses joined
   PoseT T_world_direct = from_pose<PoseT>(identity_pose());  ///< of direct alignment alone
-  bool refined = false;              ///< the direct pose was believed
-  double c_dir = 0;                  ///< confidence in the direct pose, [0,1]
-  double w_diff = 1;                 ///< weight of the feature pose by the change score
-  double w_eff = 1;                  ///< weight used (see Blended)
+  bool refined = false;                                      ///< the direct pose was believed
+  double c_dir = 0;                                          ///< confidence in the direct pose, [0,1]
+  double w_diff = 1;                                         ///< weight of the feature pose by the change score
+  double w_eff = 1;                                          ///< weight used (see Blended)
   int references = 0;
-  double reference_distance = 0;     ///< of the nearest; 0 without references
-  bool far_reference = false;        ///< the nearest reference is beyond th_keyframes
-  bool gated = false;                ///< the two poses were too far apart to be blended
-  bool too_fast = false;             ///< the speed gate fired
-  AlignmentResult alignment;         ///< its poses are apso's
+  double reference_distance = 0;  ///< of the nearest; 0 without references
+  bool far_reference = false;     ///< the nearest reference is beyond th_keyframes
+  bool gated = false;             ///< the two poses were too far apart to be blended
+  bool too_fast = false;          ///< the speed gate fired
+  AlignmentResult alignment;      ///< its poses are apso's
 };
 using Refinement = BasicRefinement<>;
 
@@ -95,14 +95,23 @@ class BasicRefiner {
     if constexpr (std::is_same_v<PoseT, Pose>) {
       return refine_pose(in, executor);
     } else {
-      const Refinement r = refine_pose(
-          {in.frame, in.dynamic_probability, in.flow, in.mask_informative, in.highly_dynamic, to_pose(in.T_world_feature),
-           in.feature_ok, in.feature_trusted, to_pose(in.T_world_predicted), to_pose(in.T_world_previous), in.S_change, in.S_final,
-           in.feature_information, in.below_threshold},
-          executor);
+      const Refinement r = refine_pose({in.frame, in.dynamic_probability, in.flow, in.mask_informative, in.highly_dynamic,
+                                        to_pose(in.T_world_feature), in.feature_ok, in.feature_trusted, to_pose(in.T_world_predicted),
+                                        to_pose(in.T_world_previous), in.S_change, in.S_final, in.feature_information, in.below_threshold},
+                                       executor);
       const bool unchanged = in.feature_ok && !(r.w_eff < 1);
-      return {r.status, unchanged ? in.T_world_feature : from_pose<PoseT>(r.T_world_camera), from_pose<PoseT>(r.T_world_direct),
-              r.refined, r.c_dir, r.w_diff, r.w_eff, r.references, r.reference_distance, r.far_reference, r.gated, r.too_fast,
+      return {r.status,
+              unchanged ? in.T_world_feature : from_pose<PoseT>(r.T_world_camera),
+              from_pose<PoseT>(r.T_world_direct),
+              r.refined,
+              r.c_dir,
+              r.w_diff,
+              r.w_eff,
+              r.references,
+              r.reference_distance,
+              r.far_reference,
+              r.gated,
+              r.too_fast,
               r.alignment};
     }
   }
@@ -114,8 +123,8 @@ class BasicRefiner {
   /// \param T_world_camera a pose of any type
   /// \param flow as in RefinementInput
   template <class Executor = SerialExecutor>
-  void remember(const AnyFrame& frame, const AnyImage& dynamic_probability, const AnyPose& T_world_camera,
-                const Executor& executor = {}, const FlowGrid& flow = {}) {
+  void remember(const AnyFrame& frame, const AnyImage& dynamic_probability, const AnyPose& T_world_camera, const Executor& executor = {},
+                const FlowGrid& flow = {}) {
     const Pose& T = T_world_camera;
     if (!is_finite(T)) return;
     const bool refined_now = last_.pending && !(last_.timestamp < frame.timestamp) && !(frame.timestamp < last_.timestamp);
@@ -149,11 +158,11 @@ class BasicRefiner {
   [[nodiscard]] ReferenceMemory& memory() { return memory_; }
 
  private:
-  static constexpr int kWindow = 60;      // samples of the running median
+  static constexpr int kWindow = 60;  // samples of the running median
   // What is believed of the information of an alignment when it is joined with a feature pose. Several references have the noise of
   // the current frame in common, and a rolling shutter, a delay between colour and depth or a lens moves all tiles alike.
   static constexpr double kDirectInformationShare = 0.3;
-  static constexpr int kMinSamples = 3;   // until there are so many, the start value counts
+  static constexpr int kMinSamples = 3;  // until there are so many, the start value counts
 
   // The frame that was refined last.
   struct LastRefined {
@@ -205,11 +214,11 @@ class BasicRefiner {
     r.T_world_direct = r.alignment.T_world_camera;
     judge(in.frame.timestamp, feature_ok, r);
     if (feature_ok) {
-      const Blended<Pose> b = blend(in.T_world_feature, r.T_world_direct, expected(in, T_predicted, r.T_world_direct),
-                                    {in.S_change, r.c_dir, in.S_final,
-                                     detail::scaled_information(kDirectInformationShare, r.alignment.information),
-                                     in.feature_information, in.below_threshold},
-                                    options_.blend);
+      const Blended<Pose> b =
+          blend(in.T_world_feature, r.T_world_direct, expected(in, T_predicted, r.T_world_direct),
+                {in.S_change, r.c_dir, in.S_final, detail::scaled_information(kDirectInformationShare, r.alignment.information),
+                 in.feature_information, in.below_threshold},
+                options_.blend);
       r.T_world_camera = b.T_world_camera;
       r.w_diff = b.w_diff;
       r.w_eff = b.w_eff;

@@ -49,8 +49,8 @@ class SpeedGate {
   static constexpr int kWindow = 60;     // good frames, two seconds
   static constexpr int kMinSamples = 5;  // speeds needed before the gate is used
   static constexpr double kFactor = 3;
-  static constexpr double kSpeed = 1.5;             // [m/s], a hand that moves fast
-  static constexpr double kTurn = 600 * kDegree;    // [rad/s]
+  static constexpr double kSpeed = 1.5;           // [m/s], a hand that moves fast
+  static constexpr double kTurn = 600 * kDegree;  // [rad/s]
 
   RunningMedian speed_{kWindow}, turn_{kWindow};
   Pose T_world_trusted_ = identity_pose();

@@ -32,9 +32,9 @@
 #include <apso/testing/synthetic_scene.hpp>
 #include <apso/testing/synthetic_sensor.hpp>
 #include <apso/testing/synthetic_stress.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 namespace testing {
@@ -44,14 +44,14 @@ inline constexpr double kImageNoise = 2.0;      ///< of the synthetic camera: st
 
 /// Settings of a synthetic recording.
 struct SyntheticOptions {
-  int frames = 300;              ///< length, at 30 Hz
-  int width = 640;               ///< pixels; the camera of freiburg3 is scaled to this size
-  int height = 480;              ///< pixels
-  int people = 2;                ///< walking people; only recordings named walking_* have them
-  unsigned seed = 1;             ///< room, people, path and noise all depend on it
-  bool noise = true;             ///< noise of colour and depth, holes in the depth; false: exact
-  bool blur = true;              ///< motion blur
-  bool exposure_drift = true;    ///< slow brightness changes of up to about 10 %
+  int frames = 300;            ///< length, at 30 Hz
+  int width = 640;             ///< pixels; the camera of freiburg3 is scaled to this size
+  int height = 480;            ///< pixels
+  int people = 2;              ///< walking people; only recordings named walking_* have them
+  unsigned seed = 1;           ///< room, people, path and noise all depend on it
+  bool noise = true;           ///< noise of colour and depth, holes in the depth; false: exact
+  bool blur = true;            ///< motion blur
+  bool exposure_drift = true;  ///< slow brightness changes of up to about 10 %
 
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
@@ -140,9 +140,7 @@ class SyntheticSequence {
   /// True pose of frame i, without rendering it.
   [[nodiscard]] Pose T_world_camera(int i) const { return pose_at(timestamp(i)); }
   /// Known difficulty of frame i.
-  [[nodiscard]] Stress stress(int i) const {
-    return stress_.label(timestamp(i), velocity_at(timestamp(i)).tail<3>().norm());
-  }
+  [[nodiscard]] Stress stress(int i) const { return stress_.label(timestamp(i), velocity_at(timestamp(i)).tail<3>().norm()); }
 
   /// Renders frame i, 0 <= i < size(). The images of `out` are reused.
   void render(int i, SyntheticFrame& out) const {
@@ -182,14 +180,13 @@ class SyntheticSequence {
     }
     double gain = 1;
     if (options_.exposure_drift) {
-      gain += 0.07 * std::sin(2 * kPi * t / 8.7 + exposure_phase_) +
-              0.03 * std::sin(2 * kPi * t / 3.1 + 2 * exposure_phase_);
+      gain += 0.07 * std::sin(2 * kPi * t / 8.7 + exposure_phase_) + 0.03 * std::sin(2 * kPi * t / 3.1 + 2 * exposure_phase_);
     }
     if (stress_.active()) gain *= stress_.light(t);
     const std::uint64_t seed = hash64(options_.seed + 0x5EED00000000ULL * static_cast<std::uint64_t>(i + 1));
     const double shutter = stress_.exposure(t, options_.blur ? kExposureTime : 0.0);
-    expose(drawn, faces, camera_, motion, shutter, gain, options_.noise ? kImageNoise : 0.0, seed, normal_,
-           out.rgb, out.intensity, stress_.active() ? 64 : 12);
+    expose(drawn, faces, camera_, motion, shutter, gain, options_.noise ? kImageNoise : 0.0, seed, normal_, out.rgb, out.intensity,
+           stress_.active() ? 64 : 12);
     if (options_.noise) {
       sense_depth(drawn, renderer, camera_, seed, normal_, out.depth);
     } else {

@@ -71,8 +71,7 @@ struct LimbBody {
 
 /// Normal in local coordinates, not of unit length, of the surface at the local point q.
 inline Eigen::Vector3f body_normal(const LimbBody& b, const Eigen::Vector3f& q) {
-  const float rest =
-      q.y() > b.half_length ? q.y() - b.half_length : (q.y() < -b.half_length ? q.y() + b.half_length : 0);
+  const float rest = q.y() > b.half_length ? q.y() - b.half_length : (q.y() < -b.half_length ? q.y() + b.half_length : 0);
   return {q.x(), rest, q.z()};
 }
 

@@ -65,8 +65,7 @@ class Renderer {
 
  private:
   [[nodiscard]] Eigen::Vector3f ray(int x, int y) const {
-    return rotation_ *
-           Eigen::Vector3f((static_cast<float>(x) - cx_) * ifx_, (static_cast<float>(y) - cy_) * ify_, 1.0F);
+    return rotation_ * Eigen::Vector3f((static_cast<float>(x) - cx_) * ifx_, (static_cast<float>(y) - cy_) * ify_, 1.0F);
   }
 
   void draw_face(std::size_t index, Canvas3d& out) const {

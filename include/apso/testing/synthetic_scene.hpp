@@ -57,8 +57,7 @@ inline Face make_face(int axis, int side, const std::array<float, 3>& low, const
 }
 
 /// A closed box; `density` texels per metre from random places of the texture.
-inline void add_box(Scene& scene, std::array<float, 3> low, std::array<float, 3> high, int texture, float density,
-                    Random& rng) {
+inline void add_box(Scene& scene, std::array<float, 3> low, std::array<float, 3> high, int texture, float density, Random& rng) {
   for (int axis = 0; axis < 3; ++axis) {
     for (int side = -1; side <= 1; side += 2) {
       Face f = make_face(axis, side, low, high);
@@ -72,12 +71,10 @@ inline void add_box(Scene& scene, std::array<float, 3> low, std::array<float, 3>
 }
 
 /// A plate on four legs, its top at y = top.
-inline void add_table(Scene& scene, float x0, float x1, float z0, float z1, float top, int texture, int plain,
-                      Random& rng) {
+inline void add_table(Scene& scene, float x0, float x1, float z0, float z1, float top, int texture, int plain, Random& rng) {
   add_box(scene, {x0, top, z0}, {x1, top + 0.04F, z1}, texture, 300, rng);
   for (const float x : {x0 + 0.03F, x1 - 0.08F})
-    for (const float z : {z0 + 0.03F, z1 - 0.08F})
-      add_box(scene, {x, top + 0.04F, z}, {x + 0.05F, kFloor, z + 0.05F}, plain, 300, rng);
+    for (const float z : {z0 + 0.03F, z1 - 0.08F}) add_box(scene, {x, top + 0.04F, z}, {x + 0.05F, kFloor, z + 0.05F}, plain, 300, rng);
 }
 
 inline Canvas wall(Random& rng) {
@@ -172,10 +169,8 @@ inline Canvas shirt(Random& rng) {
       const bool column = x % pitch < width;
       const bool row = y % pitch < width;
       Rgb& p = c.at(x, y);
-      if (column && row)
-        p = a;
-      else if (column || row)
-        p = 0.5F * p + 0.5F * a;
+      if (column && row) p = a;
+      else if (column || row) p = 0.5F * p + 0.5F * a;
       if (x % (2 * pitch) == width / 2 || y % (2 * pitch) == width / 2) p = b;
     }
   }

@@ -50,7 +50,7 @@ class NormalTable {
 /// Relative velocity of camera and surfaces, for the motion blur.
 struct ImageMotion {
   Eigen::Vector3f angular = Eigen::Vector3f::Zero();  ///< of the camera, in the camera [rad/s]
-  std::vector<Eigen::Vector3f> linear;  ///< camera minus surface, in the camera [m/s]; [0] static, [1 + i] limb i
+  std::vector<Eigen::Vector3f> linear;                ///< camera minus surface, in the camera [m/s]; [0] static, [1 + i] limb i
 };
 
 /// Turns the drawn image into recorded colours.
@@ -58,9 +58,9 @@ struct ImageMotion {
 /// \param gain     brightness factor of this frame
 /// \param noise    standard deviation [grey values of 255]; 0: none
 /// \param max_taps samples along a blurred path: blur of up to twice as many pixels is smooth
-inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& camera, const ImageMotion& motion,
-                   double exposure, double gain, double noise, std::uint64_t seed, const NormalTable& normal,
-                   Image<std::uint8_t>& rgb, Image<float>& intensity, int max_taps = 12) {
+inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& camera, const ImageMotion& motion, double exposure, double gain,
+                   double noise, std::uint64_t seed, const NormalTable& normal, Image<std::uint8_t>& rgb, Image<float>& intensity,
+                   int max_taps = 12) {
   const int width = camera.width;
   const int height = camera.height;
   rgb.resize(3 * width, height);
@@ -124,8 +124,7 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
         if (id[xl] != id[x] || id[xr] != id[x] || above[x] != id[x] || below[x] != id[x]) {  // smooth outlines
           const std::uint32_t* ca = drawn.colour.row(std::max(0, y - 1));
           const std::uint32_t* cb = drawn.colour.row(std::min(height - 1, y + 1));
-          const Lanes sum = 4 * c +
-                            2 * (to_lanes(colour[xl]) + to_lanes(colour[xr]) + to_lanes(ca[x]) + to_lanes(cb[x])) +
+          const Lanes sum = 4 * c + 2 * (to_lanes(colour[xl]) + to_lanes(colour[xr]) + to_lanes(ca[x]) + to_lanes(cb[x])) +
                             to_lanes(ca[xl]) + to_lanes(ca[xr]) + to_lanes(cb[xl]) + to_lanes(cb[xr]);
           c = (sum >> 4) & kLaneMask;
         }
@@ -137,8 +136,7 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
       g *= factor;
       bl *= factor;
       if (sigma > 0) {  // most of it common to the channels
-        const std::uint64_t bits =
-            hash64(seed + static_cast<std::uint64_t>(y) * 65536U + static_cast<std::uint64_t>(x));
+        const std::uint64_t bits = hash64(seed + static_cast<std::uint64_t>(y) * 65536U + static_cast<std::uint64_t>(x));
         const float common = sigma * normal(bits);
         r += common + 0.5F * sigma * normal(bits >> 12);
         g += common + 0.5F * sigma * normal(bits >> 24);
@@ -171,8 +169,7 @@ inline void sense_depth(const Canvas3d& drawn, const Renderer& renderer, const P
   depth.resize(width, height);
   const float shadow_scale = static_cast<float>(camera.fx) * kBaseline;
   const auto cell_noise = [&](int i, int j) {
-    const std::uint64_t h =
-        hash64((seed ^ 0xC0117ULL) + static_cast<std::uint64_t>(j) * 65536U + static_cast<std::uint64_t>(i));
+    const std::uint64_t h = hash64((seed ^ 0xC0117ULL) + static_cast<std::uint64_t>(j) * 65536U + static_cast<std::uint64_t>(i));
     return normal(h);
   };
   const int cells = width / static_cast<int>(kCell) + 2;
@@ -196,8 +193,7 @@ inline void sense_depth(const Canvas3d& drawn, const Renderer& renderer, const P
       seen = std::min(seen, column);
       const float z = 1 / iz[x];
       if (shadow || z < 0.4F || z > 8.0F) continue;
-      const std::uint64_t bits =
-          hash64((seed ^ 0xDE9714ULL) + static_cast<std::uint64_t>(y) * 65536U + static_cast<std::uint64_t>(x));
+      const std::uint64_t bits = hash64((seed ^ 0xDE9714ULL) + static_cast<std::uint64_t>(y) * 65536U + static_cast<std::uint64_t>(x));
       const float chance = static_cast<float>(bits >> 48) * (1.0F / 65536.0F);
       if (z > 6.0F && chance < 0.5F * (z - 6.0F)) continue;
       const float grazing = renderer.incidence(x, y, z, surface[x]);

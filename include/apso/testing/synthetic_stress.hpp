@@ -30,9 +30,7 @@ enum class Stress {
   Flash,    ///< overexposed for four frames: only the darkest objects remain visible
   Dropout   ///< no depth
 };
-constexpr std::array<const char*, 7> enum_names(Stress) {
-  return {"none", "ceiling", "roll", "crowd", "dark", "flash", "dropout"};
-}
+constexpr std::array<const char*, 7> enum_names(Stress) { return {"none", "ceiling", "roll", "crowd", "dark", "flash", "dropout"}; }
 [[nodiscard]] constexpr const char* to_string(Stress s) { return enum_names(Stress{})[static_cast<std::size_t>(s)]; }
 
 /// When each interval occurs, and how it changes camera, light and sensor. Intervals begin at 1.8 s and every 2.6 s after that;
@@ -142,9 +140,7 @@ class StressPlan {
     return s * s * (3 - 2 * s);
   }
   /// Rises from 0 to 1 from `begin` on, falls to 0 until `end`, within `ramp` each [s].
-  static double plateau(double s, double begin, double end, double ramp) {
-    return smooth((s - begin) / ramp) * smooth((end - s) / ramp);
-  }
+  static double plateau(double s, double begin, double end, double ramp) { return smooth((s - begin) / ramp) * smooth((end - s) / ramp); }
   /// Three flashes, 0.4 s apart, of 0.14 s each.
   static bool flashing(double since) { return since < 1.0 && std::fmod(since, 0.4) < 0.14; }
 

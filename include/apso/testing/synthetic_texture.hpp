@@ -93,8 +93,7 @@ class Canvas {
         const float a = static_cast<float>(x % cell) * step;
         const int i = x / cell;
         const int j = y / cell;
-        const float v = (1 - b) * ((1 - a) * value(i, j) + a * value(i + 1, j)) +
-                        b * ((1 - a) * value(i, j + 1) + a * value(i + 1, j + 1));
+        const float v = (1 - b) * ((1 - a) * value(i, j) + a * value(i + 1, j)) + b * ((1 - a) * value(i, j + 1) + a * value(i + 1, j + 1));
         Rgb& p = at(x, y);
         p = p + Rgb{v, v, v};
       }
@@ -181,9 +180,7 @@ class Texture {
     for (int y = 0; y < h; ++y) {
       for (int x = 0; x < w; ++x) {
         const Rgb& c = canvas.at(x, y);
-        const auto byte = [](float v) {
-          return static_cast<std::uint32_t>(std::min(255.0F, std::max(0.0F, v)) + 0.5F);
-        };
+        const auto byte = [](float v) { return static_cast<std::uint32_t>(std::min(255.0F, std::max(0.0F, v)) + 0.5F); };
         base.texels[static_cast<std::size_t>(y * w + x)] = byte(c.r) | (byte(c.g) << 8) | (byte(c.b) << 16);
       }
     }
@@ -234,8 +231,7 @@ class Texture {
     const std::uint32_t* r1 = l.texels.data() + static_cast<std::ptrdiff_t>(((y >> 8) + 1) & l.mask_y) * l.width;
     const auto fx = static_cast<unsigned>(x & 255);
     const auto fy = static_cast<unsigned>(y & 255);
-    return mix_lanes(mix_lanes(to_lanes(r0[x0]), to_lanes(r0[x1]), fx),
-                     mix_lanes(to_lanes(r1[x0]), to_lanes(r1[x1]), fx), fy);
+    return mix_lanes(mix_lanes(to_lanes(r0[x0]), to_lanes(r0[x1]), fx), mix_lanes(to_lanes(r1[x0]), to_lanes(r1[x1]), fx), fy);
   }
   std::vector<Level> levels_;
 };

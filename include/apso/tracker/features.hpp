@@ -108,7 +108,8 @@ void copy_descriptors(const Descriptors& descriptors, std::vector<Descriptor>& o
     out.resize(static_cast<std::size_t>(n));
     for (int i = 0; i < n; ++i) {
       Descriptor& d = out[static_cast<std::size_t>(i)];
-      for (int k = 0; k < 32; ++k) d[static_cast<std::size_t>(k)] = static_cast<std::uint8_t>(image_traits<Descriptors>::at(descriptors, k, i));
+      for (int k = 0; k < 32; ++k)
+        d[static_cast<std::size_t>(k)] = static_cast<std::uint8_t>(image_traits<Descriptors>::at(descriptors, k, i));
     }
   } else {
     static_assert(std::is_convertible_v<detail::range_value_t<Descriptors>, Descriptor>,
@@ -119,7 +120,7 @@ void copy_descriptors(const Descriptors& descriptors, std::vector<Descriptor>& o
 
 /// A feature as an observation of a world point.
 [[nodiscard]] inline PointObservation observation_of(const FeatureSet& set, int feature, const Eigen::Vector3d& point, float weight,
-                                                  const Octaves& octaves) {
+                                                     const Octaves& octaves) {
   const auto f = static_cast<std::size_t>(feature);
   PointObservation o;
   o.point = point;

@@ -25,8 +25,8 @@ class KeyframeDecision {
   /// \param share    ... or when the inliers fall below this share of the most since the last, [0,1]
   KeyframeDecision(double interval, double share) : interval_(interval), share_(share) {}
 
-  [[nodiscard]] bool due(const LocalMap& map, const WeightedFeatures& features, const std::vector<LandmarkMatch>& matches,
-                         int inliers, double timestamp) {
+  [[nodiscard]] bool due(const LocalMap& map, const WeightedFeatures& features, const std::vector<LandmarkMatch>& matches, int inliers,
+                         double timestamp) {
     max_inliers_ = std::max(max_inliers_, inliers);
     if (inliers < kMinInliers) return false;
     if (static_cast<double>(inliers) < share_ * max_inliers_) return true;

@@ -45,7 +45,7 @@ struct MapPose {
   int matches = 0;
   int inliers = 0;
   Matrix6 information = zeros<Matrix6>();  ///< of the twist that multiplies T_camera_world from the left
-  bool relocalised = false;               ///< found by comparing with whole keyframes
+  bool relocalised = false;                ///< found by comparing with whole keyframes
 };
 
 /// Finds the landmarks that the current image shows. The thresholds on distances of descriptors are those of ORB-SLAM
@@ -160,7 +160,7 @@ class LandmarkMatcher {
     observations_.clear();
     for (const LandmarkMatch& m : matches_)
       observations_.push_back(observation_of(features, m.feature, map.landmark(m.landmark).point,
-                                          features.weight[static_cast<std::size_t>(m.feature)], octaves_));
+                                             features.weight[static_cast<std::size_t>(m.feature)], octaves_));
     return observations_;
   }
 
@@ -191,10 +191,10 @@ class LandmarkMatcher {
   [[nodiscard]] const Octaves& octaves() const { return octaves_; }
 
  private:
-  static constexpr int kMinShared = 10;      // landmarks in common that make a keyframe local
-  static constexpr double kNear = 10;        // a search radius up to this is a search around a pose that is known [px]
-  static constexpr double kBorder = 16;      // descriptors need this much of the image [px]
-  static constexpr double kMinCosine = 0.5;  // seen from more than 60 degrees elsewhere a point looks different
+  static constexpr int kMinShared = 10;             // landmarks in common that make a keyframe local
+  static constexpr double kNear = 10;               // a search radius up to this is a search around a pose that is known [px]
+  static constexpr double kBorder = 16;             // descriptors need this much of the image [px]
+  static constexpr double kMinCosine = 0.5;         // seen from more than 60 degrees elsewhere a point looks different
   static constexpr double kMaxInverseDepth = 0.15;  // difference of a landmark and a keypoint that may be the same [1/m]
   static constexpr int kNoDistance = 257;
 

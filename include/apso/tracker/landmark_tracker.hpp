@@ -16,10 +16,10 @@
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
 #include <apso/status.hpp>
-#include <apso/tracker/landmark_tracker_options.hpp>
 #include <apso/tracker/features.hpp>
 #include <apso/tracker/keyframes.hpp>
 #include <apso/tracker/landmark_matching.hpp>
+#include <apso/tracker/landmark_tracker_options.hpp>
 #include <apso/tracker/local_map.hpp>
 #include <apso/tracker/map_update.hpp>
 #include <apso/tracker/relocalisation.hpp>
@@ -320,7 +320,7 @@ class BasicLandmarkTracker {
   bool relocalised_ = false;
   int track_inliers_ = 0;
   bool lost_ = false;  // neither features nor a sure pose told where the frame before was
-  int misses_ = 0;  // frames in a row without a pose from the map
+  int misses_ = 0;     // frames in a row without a pose from the map
 };
 
 using LandmarkTracker = BasicLandmarkTracker<>;

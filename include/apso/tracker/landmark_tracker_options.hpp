@@ -31,9 +31,9 @@ struct LandmarkTrackerOptions {
   double dynamic_threshold = 0.5;      ///< features at least this likely to be dynamic are not used
   int min_inliers = 30;                ///< of the local map, for a valid pose (ORB-SLAM2)
   int max_frames_on_tracks = 15;       ///< frames in a row that tracks may carry it; errors add up
-  double keyframe_interval = 1.0;      ///< a keyframe is due after this time [s] (ORB-SLAM2: the frame rate), or when kKeyframeShare says so
-  int max_keyframes = 300;             ///< older ones are forgotten
-  std::uint64_t seed = 1;              ///< of RANSAC
+  double keyframe_interval = 1.0;  ///< a keyframe is due after this time [s] (ORB-SLAM2: the frame rate), or when kKeyframeShare says so
+  int max_keyframes = 300;         ///< older ones are forgotten
+  std::uint64_t seed = 1;          ///< of RANSAC
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("levels", s.levels, 1, 16);
@@ -60,14 +60,14 @@ struct LandmarkTrackerOptions {
 template <class PoseT = Pose>
 struct BasicFeatureResult {
   Status status = Status::NotRun;
-  bool ok = false;                        ///< the pose may be used
+  bool ok = false;                                              ///< the pose may be used
   PoseT T_world_camera = from_pose<PoseT>(identity_pose());     ///< the prediction when not ok
-  int matches = 0;                        ///< landmarks paired with keypoints
-  int inliers = 0;                        ///< of them, after optimisation
+  int matches = 0;                                              ///< landmarks paired with keypoints
+  int inliers = 0;                                              ///< of them, after optimisation
   PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< constant velocity, or the motion of the tracks where they agree
-  int track_inliers = 0;                  ///< tracks that agree with the predicted motion
-  bool relocalised = false;               ///< found again among the keyframes
-  bool from_tracks = false;               ///< the map failed; the pose is the last one moved along the tracks
+  int track_inliers = 0;                                        ///< tracks that agree with the predicted motion
+  bool relocalised = false;                                     ///< found again among the keyframes
+  bool from_tracks = false;                                     ///< the map failed; the pose is the last one moved along the tracks
   Matrix6 information = zeros<Matrix6>();  ///< of the twist that multiplies T_camera_world from the left, translation first;
                                            ///< zero unless the pose is from the map
 };

@@ -37,15 +37,15 @@ struct LandmarkView {
 /// A point of the static world.
 struct MapLandmark {
   bool alive = false;
-  Eigen::Vector3d point = zeros<Eigen::Vector3d>();  ///< world frame [m]
-  Descriptor descriptor{};                          ///< of the view that is most like the others
+  Eigen::Vector3d point = zeros<Eigen::Vector3d>();      ///< world frame [m]
+  Descriptor descriptor{};                               ///< of the view that is most like the others
   Eigen::Vector3d direction = zeros<Eigen::Vector3d>();  ///< mean unit vector from the point to its viewers
-  double unit_distance = 1;  ///< distance at which it would appear on level 0 [m]
-  float angle = 0;           ///< orientation in the last keyframe that saw it [deg]
-  int visible = 1;           ///< frames in which it should have been seen
-  int found = 1;             ///< frames in which it was
-  int on_dynamic = 0;        ///< frames in which it lay on something that moves
-  int born = 0;              ///< frame number
+  double unit_distance = 1;                              ///< distance at which it would appear on level 0 [m]
+  float angle = 0;                                       ///< orientation in the last keyframe that saw it [deg]
+  int visible = 1;                                       ///< frames in which it should have been seen
+  int found = 1;                                         ///< frames in which it was
+  int on_dynamic = 0;                                    ///< frames in which it lay on something that moves
+  int born = 0;                                          ///< frame number
   std::vector<LandmarkView> views;
 };
 

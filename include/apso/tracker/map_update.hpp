@@ -23,8 +23,8 @@ struct MaskedAt {
   bool same_depth = false;
 };
 inline MaskedAt masked_at(const WeightedFeatures& features, const LocalLandmark& entry, double inverse_depth) {
-  constexpr double kRadius = 4;              // [px]
-  constexpr double kMaxDifference = 0.03;    // of inverse depths on the same surface [1/m]
+  constexpr double kRadius = 4;            // [px]
+  constexpr double kMaxDifference = 0.03;  // of inverse depths on the same surface [1/m]
   MaskedAt found;
   features.grid.near(entry.u, entry.v, kRadius, [&](int f) {
     const auto fi = static_cast<std::size_t>(f);

@@ -19,19 +19,19 @@ APSO_NAMESPACE_BEGIN
 /// What relocalise() is told.
 struct RelocalisationInput {
   Pose T_world_predicted = identity_pose();  ///< tried first
-  bool lost = false;        ///< the last frames had no pose: even the last keyframe is then a place found again
-  int window = 10;          ///< keyframes of a local map
-  int min_inliers = 50;     ///< of a pose found again
-  int min_inliers_last = 30;  ///< of a pose at the last keyframe when the camera is not lost
-  std::uint64_t seed = 1;   ///< of RANSAC
+  bool lost = false;                         ///< the last frames had no pose: even the last keyframe is then a place found again
+  int window = 10;                           ///< keyframes of a local map
+  int min_inliers = 50;                      ///< of a pose found again
+  int min_inliers_last = 30;                 ///< of a pose at the last keyframe when the camera is not lost
+  std::uint64_t seed = 1;                    ///< of RANSAC
 };
 
 /// Compares with whole keyframes by descriptor alone, the most recent first and then spread over the past.
 /// \param[in,out] result the pose, if one was found; else unchanged
 /// \param[in,out] seen landmarks of the previous frame; those of the last keyframe tried afterwards
 /// \return whether a pose with enough inliers was found
-inline bool relocalise(const LocalMap& map, const WeightedFeatures& features, const RelocalisationInput& input,
-                       LandmarkMatcher& matcher, std::vector<int>& seen, MapPose& result) {
+inline bool relocalise(const LocalMap& map, const WeightedFeatures& features, const RelocalisationInput& input, LandmarkMatcher& matcher,
+                       std::vector<int>& seen, MapPose& result) {
   constexpr int kMaxTried = 12;
   constexpr int kRecent = 6;  // of them the last ones in a row
   constexpr double kRadii[] = {15.0, 8.0};

@@ -44,8 +44,7 @@ class TrackMotion {
   template <class Mask>
   void weigh(const Mask& dynamic_probability, double threshold) {
     weight_.resize(tracks_.size());
-    for (std::size_t i = 0; i < tracks_.size(); ++i)
-      weight_[i] = static_weight(dynamic_probability, tracks_[i].x, tracks_[i].y, threshold);
+    for (std::size_t i = 0; i < tracks_.size(); ++i) weight_[i] = static_weight(dynamic_probability, tracks_[i].x, tracks_[i].y, threshold);
   }
 
   /// \param T_world_previous pose of the previous frame

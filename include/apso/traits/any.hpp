@@ -52,9 +52,7 @@ struct ImageAt {
 template <class T>
 struct ImageAt<ImageView<T>> {
   static ImageAddress address(const ImageView<T>& view) { return {view.data, view.width, view.height, view.stride}; }
-  static ImageView<const T> image(const ImageAddress& a) {
-    return {static_cast<const T*>(a.address), a.width, a.height, a.stride};
-  }
+  static ImageView<const T> image(const ImageAddress& a) { return {static_cast<const T*>(a.address), a.width, a.height, a.stride}; }
 };
 /// How the pixels of one image type are reached.
 struct ImageAccess {
@@ -74,10 +72,10 @@ struct AccessTo {
 /// Any image, as float. An image itself: rows(), scaled() and pixel() take it.
 class AnyImage {
  public:
-  AnyImage() = default;             ///< no image
-  AnyImage(None) {}                 // NOLINT: `none` says that there is no image
+  AnyImage() = default;  ///< no image
+  AnyImage(None) {}      // NOLINT: `none` says that there is no image
   template <class ImageT>
-  AnyImage(const ImageT& image)     // NOLINT: made to be a parameter
+  AnyImage(const ImageT& image)  // NOLINT: made to be a parameter
       : image_((check_image<ImageT>(), detail::ImageAt<ImageT>::address(image))), access_(&detail::AccessTo<ImageT>::value) {}
   [[nodiscard]] bool empty() const { return image_.width <= 0 || image_.height <= 0; }
   [[nodiscard]] int width() const { return image_.width; }    ///< [px]
@@ -117,19 +115,15 @@ class AnyFrame {
       : timestamp(frame.timestamp), colour(frame.colour), intensity_(frame.intensity), depth_(frame.depth) {}
   template <class HeldIntensity, class HeldDepth>
   AnyFrame(const Frame<HeldIntensity, HeldDepth>& frame)  // NOLINT: made to be a parameter
-      : timestamp(frame.timestamp),
-        colour(frame.colour),
-        camera(frame.camera),
-        intensity_(frame.intensity()),
-        depth_(frame.depth()) {}
+      : timestamp(frame.timestamp), colour(frame.colour), camera(frame.camera), intensity_(frame.intensity()), depth_(frame.depth()) {}
   template <class T>
   AnyFrame(const T&) {  // NOLINT: says what is wrong
     check_frame<T>();
   }
 
-  double timestamp = 0;             ///< [s]
-  ImageView<const Bgr8> colour{};   ///< empty where there is none
-  Pinhole camera;                   ///< of a Frame; of others unknown: width 0
+  double timestamp = 0;            ///< [s]
+  ImageView<const Bgr8> colour{};  ///< empty where there is none
+  Pinhole camera;                  ///< of a Frame; of others unknown: width 0
 
   [[nodiscard]] const AnyImage& intensity() const { return intensity_; }  ///< in [0,1]
   [[nodiscard]] const AnyImage& depth() const { return depth_; }          ///< [m]; see depth_valid
@@ -142,10 +136,10 @@ class AnyFrame {
 /// Any pose.
 class AnyPose {
  public:
-  AnyPose(const Pose& T_a_b) : T_(T_a_b) {}                  // NOLINT: made to be a parameter
+  AnyPose(const Pose& T_a_b) : T_(T_a_b) {}  // NOLINT: made to be a parameter
   template <class PoseT>
-  AnyPose(const PoseT& T_a_b) : T_(to_pose(T_a_b)) {}        // NOLINT: made to be a parameter
-  operator const Pose&() const { return T_; }                // NOLINT: is one
+  AnyPose(const PoseT& T_a_b) : T_(to_pose(T_a_b)) {}  // NOLINT: made to be a parameter
+  operator const Pose&() const { return T_; }          // NOLINT: is one
 
  private:
   Pose T_;

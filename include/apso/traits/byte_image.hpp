@@ -19,11 +19,11 @@ template <class T>
 struct ByteImage {
   static_assert(std::is_arithmetic_v<T>, "apso: ByteImage<T> needs an arithmetic pixel type, e.g. std::uint16_t");
   const std::uint8_t* data = nullptr;
-  int width = 0;                        ///< pixels
-  int height = 0;                       ///< pixels
-  std::size_t row_step = 0;             ///< bytes from a row to the next, padding included
-  std::size_t pixel_step = sizeof(T);   ///< bytes from a pixel to the next; more than sizeof(T) picks one channel
-  bool swap_bytes = false;              ///< the buffer has the other byte order than this machine
+  int width = 0;                       ///< pixels
+  int height = 0;                      ///< pixels
+  std::size_t row_step = 0;            ///< bytes from a row to the next, padding included
+  std::size_t pixel_step = sizeof(T);  ///< bytes from a pixel to the next; more than sizeof(T) picks one channel
+  bool swap_bytes = false;             ///< the buffer has the other byte order than this machine
 };
 
 template <class T>
@@ -32,8 +32,7 @@ struct image_traits<ByteImage<T>> {
   static int width(const ByteImage<T>& image) { return image.width; }
   static int height(const ByteImage<T>& image) { return image.height; }
   static value_type at(const ByteImage<T>& image, int x, int y) {
-    const std::uint8_t* from = image.data + image.row_step * static_cast<std::size_t>(y) +
-                               image.pixel_step * static_cast<std::size_t>(x);
+    const std::uint8_t* from = image.data + image.row_step * static_cast<std::size_t>(y) + image.pixel_step * static_cast<std::size_t>(x);
     unsigned char bytes[sizeof(T)];
     std::memcpy(bytes, from, sizeof(T));
     if (image.swap_bytes) {
@@ -48,8 +47,8 @@ struct image_traits<ByteImage<T>> {
 /// A view of a byte buffer of the given size. Throws contract_error when the rows do not fit into it.
 /// \param bytes size of the buffer
 template <class T>
-[[nodiscard]] ByteImage<T> byte_image(const std::uint8_t* data, std::size_t bytes, int width, int height,
-                                      std::size_t row_step, std::size_t pixel_step = sizeof(T), bool swap_bytes = false) {
+[[nodiscard]] ByteImage<T> byte_image(const std::uint8_t* data, std::size_t bytes, int width, int height, std::size_t row_step,
+                                      std::size_t pixel_step = sizeof(T), bool swap_bytes = false) {
   expects(data != nullptr && width > 0 && height > 0, "byte_image: the image is empty");
   expects(pixel_step >= sizeof(T), "byte_image: pixel_step is smaller than a pixel");
   const std::size_t row = pixel_step * static_cast<std::size_t>(width - 1) + sizeof(T);

@@ -45,11 +45,10 @@ struct camera_traits<Pinhole> {
 
 namespace detail {
 template <class T>
-using camera_project_t = decltype(camera_traits<T>::project(std::declval<const T&>(), std::declval<const Eigen::Vector3d&>(),
-                                                            std::declval<Eigen::Vector2d&>()));
+using camera_project_t =
+    decltype(camera_traits<T>::project(std::declval<const T&>(), std::declval<const Eigen::Vector3d&>(), std::declval<Eigen::Vector2d&>()));
 template <class T>
-using camera_unproject_t =
-    decltype(camera_traits<T>::unproject(std::declval<const T&>(), std::declval<const Eigen::Vector2d&>()));
+using camera_unproject_t = decltype(camera_traits<T>::unproject(std::declval<const T&>(), std::declval<const Eigen::Vector2d&>()));
 template <class T>
 inline constexpr bool camera_has_project = detected_as_v<bool, camera_project_t, T>;
 template <class T>
@@ -58,7 +57,7 @@ inline constexpr bool camera_has_unproject = detected_as_v<Eigen::Vector3d, came
 
 /// True when T can be used as a camera.
 template <class T>
-inline constexpr bool is_camera_v = detail::camera_has_project<T> && detail::camera_has_unproject<T>;
+inline constexpr bool is_camera_v = detail::camera_has_project<T>&& detail::camera_has_unproject<T>;
 
 /// Names every member of camera_traits<T> that is missing, in the compiler's message.
 template <class T>
@@ -102,7 +101,9 @@ template <class CameraT>
       const Eigen::Vector2d pixel(right * i / 4.0, bottom * j / 4.0);
       const Eigen::Vector3d ray = Traits::unproject(camera, pixel);
       const double error = norm(minus(p.project(ray), pixel));
-      expects(error <= tolerance_px, "to_pinhole: the camera has lens distortion; rectify its images first, with apso::Rectifier (apso/traits/rectifier.hpp)");  // false for NaN
+      // false for NaN
+      expects(error <= tolerance_px,
+              "to_pinhole: the camera has lens distortion; rectify its images first, with apso::Rectifier (apso/traits/rectifier.hpp)");
     }
   }
   return p;

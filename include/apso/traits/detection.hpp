@@ -58,9 +58,8 @@ using detection_mask_t = decltype(detection_traits<T>::mask(std::declval<const T
 
 /// True when T can be used as a detection.
 template <class T>
-inline constexpr bool is_detection_v = detail::detected_as_v<Box, detail::detection_box_t, T> &&
-                                       detail::detected_as_v<float, detail::detection_score_t, T> &&
-                                       detail::detected_as_v<int, detail::detection_class_t, T>;
+inline constexpr bool is_detection_v = detail::detected_as_v<Box, detail::detection_box_t, T>&&
+    detail::detected_as_v<float, detail::detection_score_t, T>&& detail::detected_as_v<int, detail::detection_class_t, T>;
 
 /// Names every member of detection_traits<T> that is missing, in the compiler's message.
 template <class T>

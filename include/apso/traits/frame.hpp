@@ -27,9 +27,9 @@ class Frame {
   Frame(double timestamp_, HeldIntensity intensity, HeldDepth depth, const Pinhole& camera_)
       : timestamp(timestamp_), camera(camera_), intensity_(std::move(intensity)), depth_(std::move(depth)) {}
 
-  double timestamp;                       ///< [s]
-  Pinhole camera;                         ///< of both images
-  ImageView<const Bgr8> colour{};         ///< optional; only networks ask for it
+  double timestamp;                ///< [s]
+  Pinhole camera;                  ///< of both images
+  ImageView<const Bgr8> colour{};  ///< optional; only networks ask for it
 
   [[nodiscard]] const typename HeldIntensity::type& intensity() const { return intensity_.get(); }  ///< in [0,1]
   [[nodiscard]] const typename HeldDepth::type& depth() const { return depth_.get(); }              ///< [m]

@@ -66,15 +66,13 @@ struct image_has_value<T, std::void_t<image_value_t<T>>> : std::is_arithmetic<im
 template <class T, class = void>
 struct image_has_row : std::false_type {};
 template <class T>
-struct image_has_row<T, std::void_t<image_row_t<T>, image_value_t<T>>>
-    : std::is_convertible<image_row_t<T>, const image_value_t<T>*> {};
+struct image_has_row<T, std::void_t<image_row_t<T>, image_value_t<T>>> : std::is_convertible<image_row_t<T>, const image_value_t<T>*> {};
 }  // namespace detail
 
 /// True when T can be used as an image.
 template <class T>
-inline constexpr bool is_image_v = detail::image_has_value<T>::value && detail::detected_as_v<int, detail::image_width_t, T> &&
-                                   detail::detected_as_v<int, detail::image_height_t, T> &&
-                                   detail::detected_as_v<double, detail::image_at_t, T>;
+inline constexpr bool is_image_v = detail::image_has_value<T>::value&& detail::detected_as_v<int, detail::image_width_t, T>&&
+    detail::detected_as_v<int, detail::image_height_t, T>&& detail::detected_as_v<double, detail::image_at_t, T>;
 
 /// True when T offers the optional `row`.
 template <class T>
@@ -86,10 +84,8 @@ struct require_image {
   static_assert(detail::image_has_value<T>::value,
                 "apso: image_traits<T> needs `using value_type = float;` (your arithmetic pixel type; "
                 "an untyped cv::Mat is passed as apso::opencv::as_image<float>(mat))");
-  static_assert(detail::detected_as_v<int, detail::image_width_t, T>,
-                "apso: image_traits<T> needs `static int width(const T& image);`");
-  static_assert(detail::detected_as_v<int, detail::image_height_t, T>,
-                "apso: image_traits<T> needs `static int height(const T& image);`");
+  static_assert(detail::detected_as_v<int, detail::image_width_t, T>, "apso: image_traits<T> needs `static int width(const T& image);`");
+  static_assert(detail::detected_as_v<int, detail::image_height_t, T>, "apso: image_traits<T> needs `static int height(const T& image);`");
   static_assert(detail::detected_as_v<double, detail::image_at_t, T>,
                 "apso: image_traits<T> needs `static value_type at(const T& image, int x, int y);`");
 };

@@ -49,9 +49,8 @@ using keypoint_octave_t = decltype(keypoint_traits<T>::octave(std::declval<const
 
 /// True when T can be used as a keypoint.
 template <class T>
-inline constexpr bool is_keypoint_v = detail::detected_as_v<float, detail::keypoint_x_t, T> &&
-                                      detail::detected_as_v<float, detail::keypoint_y_t, T> &&
-                                      detail::detected_as_v<float, detail::keypoint_response_t, T>;
+inline constexpr bool is_keypoint_v = detail::detected_as_v<float, detail::keypoint_x_t, T>&&
+    detail::detected_as_v<float, detail::keypoint_y_t, T>&& detail::detected_as_v<float, detail::keypoint_response_t, T>;
 
 /// Names every member of keypoint_traits<T> that is missing, in the compiler's message.
 template <class T>

@@ -87,8 +87,8 @@ using pose_rotation_t = decltype(pose_traits<T>::rotation(std::declval<const T&>
 template <class T>
 using pose_translation_t = decltype(pose_traits<T>::translation(std::declval<const T&>()));
 template <class T, class S>
-using pose_make_t = decltype(pose_traits<T>::make(std::declval<const Eigen::Matrix<S, 3, 3>&>(),
-                                                  std::declval<const Eigen::Matrix<S, 3, 1>&>()));
+using pose_make_t =
+    decltype(pose_traits<T>::make(std::declval<const Eigen::Matrix<S, 3, 3>&>(), std::declval<const Eigen::Matrix<S, 3, 1>&>()));
 // Eigen lets a vector be given where a matrix is wanted until the body is compiled, so swapped arguments are looked for.
 template <class T>
 using pose_make_address_t = decltype(&pose_traits<T>::make);
@@ -115,8 +115,8 @@ struct pose_members<T, std::void_t<pose_scalar_t<T>>> {
 
 /// True when T can be used as a pose.
 template <class T>
-inline constexpr bool is_pose_v = detail::pose_members<T>::scalar && detail::pose_members<T>::rotation &&
-                                  detail::pose_members<T>::translation && detail::pose_members<T>::make;
+inline constexpr bool is_pose_v = detail::pose_members<T>::scalar&& detail::pose_members<T>::rotation&&
+    detail::pose_members<T>::translation&& detail::pose_members<T>::make;
 
 /// Names every member of pose_traits<T> that is missing, in the compiler's message.
 template <class T>

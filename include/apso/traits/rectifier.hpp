@@ -58,12 +58,10 @@ class Rectifier {
   /// \param camera any type with camera_traits
   /// \param width,height of its images [px]
   template <class CameraT>
-  Rectifier(const CameraT& camera, int width, int height)
-      : Rectifier(camera, width, height, central_pinhole(camera, width, height)) {}
+  Rectifier(const CameraT& camera, int width, int height) : Rectifier(camera, width, height, central_pinhole(camera, width, height)) {}
   /// \param pinhole the camera of the rectified images, of any size
   template <class CameraT>
-  Rectifier(const CameraT& camera, int width, int height, const Pinhole& pinhole)
-      : pinhole_(pinhole), width_(width), height_(height) {
+  Rectifier(const CameraT& camera, int width, int height, const Pinhole& pinhole) : pinhole_(pinhole), width_(width), height_(height) {
     check_camera<CameraT>();
     pinhole_.validate();
     expects(width > 1 && height > 1 && width <= kLargest && height <= kLargest, "Rectifier: width and height must be in [2, 32767]");
@@ -113,7 +111,7 @@ class Rectifier {
 
  private:
   static constexpr int kLargest = 32767;  // of std::int16_t
-  struct Source {  // pixel (x + fx, y + fy) of the distorted image; x < 0: outside
+  struct Source {                         // pixel (x + fx, y + fy) of the distorted image; x < 0: outside
     std::int16_t x = -1, y = -1;
     float fx = 0, fy = 0;
   };

@@ -58,8 +58,8 @@ class ByValue {
 };
 /// I is what a forwarding reference `I&&` deduced.
 template <class I>
-using held_t = std::conditional_t<std::is_lvalue_reference_v<I> && !is_view<std::decay_t<I>>::value,
-                                  ByAddress<std::decay_t<I>>, ByValue<std::decay_t<I>>>;
+using held_t = std::conditional_t<std::is_lvalue_reference_v<I> && !is_view<std::decay_t<I>>::value, ByAddress<std::decay_t<I>>,
+                                  ByValue<std::decay_t<I>>>;
 }  // namespace detail
 
 /// An image in another unit: pixel = unit * pixel of the image within. Made by scaled().

@@ -42,8 +42,7 @@ struct stamped_pose_is_pose<T, std::void_t<stamped_pose_call_t<T>>> : std::bool_
 
 /// True when T can be an entry of a trajectory.
 template <class T>
-inline constexpr bool is_stamped_pose_v =
-    detail::detected_as_v<double, detail::stamped_time_t, T> && detail::stamped_pose_is_pose<T>::value;
+inline constexpr bool is_stamped_pose_v = detail::detected_as_v<double, detail::stamped_time_t, T>&& detail::stamped_pose_is_pose<T>::value;
 
 /// Names every member of stamped_pose_traits<T> that is missing, in the compiler's message.
 template <class T>

@@ -56,25 +56,22 @@ using track_age_t = decltype(track_traits<T>::age(std::declval<const T&>()));
 /// True when T can be used as a point track.
 template <class T>
 inline constexpr bool is_track_v =
-    detail::detected_as_v<std::int64_t, detail::track_id_t, T> && detail::detected_as_v<float, detail::track_x_t, T> &&
-    detail::detected_as_v<float, detail::track_y_t, T> && detail::detected_as_v<float, detail::track_previous_x_t, T> &&
-    detail::detected_as_v<float, detail::track_previous_y_t, T> && detail::detected_as_v<int, detail::track_age_t, T>;
+    detail::detected_as_v<std::int64_t, detail::track_id_t, T>&& detail::detected_as_v<float, detail::track_x_t, T>&&
+        detail::detected_as_v<float, detail::track_y_t, T>&& detail::detected_as_v<float, detail::track_previous_x_t, T>&&
+            detail::detected_as_v<float, detail::track_previous_y_t, T>&& detail::detected_as_v<int, detail::track_age_t, T>;
 
 /// Names every member of track_traits<T> that is missing, in the compiler's message.
 template <class T>
 struct require_track {
   static_assert(detail::detected_as_v<std::int64_t, detail::track_id_t, T>,
                 "apso: track_traits<T> needs `static std::int64_t id(const T& track);`");
-  static_assert(detail::detected_as_v<float, detail::track_x_t, T>,
-                "apso: track_traits<T> needs `static float x(const T& track);`");
-  static_assert(detail::detected_as_v<float, detail::track_y_t, T>,
-                "apso: track_traits<T> needs `static float y(const T& track);`");
+  static_assert(detail::detected_as_v<float, detail::track_x_t, T>, "apso: track_traits<T> needs `static float x(const T& track);`");
+  static_assert(detail::detected_as_v<float, detail::track_y_t, T>, "apso: track_traits<T> needs `static float y(const T& track);`");
   static_assert(detail::detected_as_v<float, detail::track_previous_x_t, T>,
                 "apso: track_traits<T> needs `static float previous_x(const T& track);`");
   static_assert(detail::detected_as_v<float, detail::track_previous_y_t, T>,
                 "apso: track_traits<T> needs `static float previous_y(const T& track);`");
-  static_assert(detail::detected_as_v<int, detail::track_age_t, T>,
-                "apso: track_traits<T> needs `static int age(const T& track);`");
+  static_assert(detail::detected_as_v<int, detail::track_age_t, T>, "apso: track_traits<T> needs `static int age(const T& track);`");
 };
 
 /// Stands first in every function that takes a track type of the user; see check_image.

@@ -40,12 +40,12 @@ struct Box {
 
 struct Detection {
   Box box;
-  float score = 0;           ///< confidence of the detector, [0,1]
-  int class_id = 0;          ///< meaning is the detector's; 0 = person in COCO order
-  bool movable = true;       ///< may it move by itself or be moved?
+  float score = 0;                                                     ///< confidence of the detector, [0,1]
+  int class_id = 0;                                                    ///< meaning is the detector's; 0 = person in COCO order
+  bool movable = true;                                                 ///< may it move by itself or be moved?
   float motion_probability = std::numeric_limits<float>::quiet_NaN();  ///< [0,1]; NaN = not known
-  int track_id = -1;         ///< identity over time; -1 = none
-  ImageView<const std::uint8_t> mask;  ///< image-sized, nonzero = object; empty = only the box is known
+  int track_id = -1;                                                   ///< identity over time; -1 = none
+  ImageView<const std::uint8_t> mask;                                  ///< image-sized, nonzero = object; empty = only the box is known
 };
 
 /// Objects of one image that count; of more, those with the highest scores. Objects are compared with each other, in time that grows
@@ -64,15 +64,11 @@ class StrongestObjects {
     last_ = *last;
   }
   /// True for the kMaxObjects highest scores, of equal ones the first. \param i in the order of add()
-  [[nodiscard]] bool contains(float score, std::size_t i) const {
-    return places_.size() <= kMaxObjects || !(last_ < place(score, i));
-  }
+  [[nodiscard]] bool contains(float score, std::size_t i) const { return places_.size() <= kMaxObjects || !(last_ < place(score, i)); }
 
  private:
   using Place = std::pair<float, std::size_t>;  // the smallest is the strongest
-  static Place place(float score, std::size_t i) {
-    return {score == score ? -score : std::numeric_limits<float>::infinity(), i};
-  }
+  static Place place(float score, std::size_t i) { return {score == score ? -score : std::numeric_limits<float>::infinity(), i}; }
   std::vector<Place> places_;
   Place last_;
 };

@@ -16,10 +16,10 @@ using Bgr8 = std::array<std::uint8_t, 3>;
 
 /// Views of one RGB-D frame. All images have the same size.
 struct RgbdFrame {
-  double timestamp = 0;                ///< [s]
-  ImageView<const float> intensity;    ///< grey value in [0,1]
-  ImageView<const float> depth;        ///< depth along the optical axis [m]; see depth_valid
-  ImageView<const Bgr8> colour{};      ///< optional; only networks ask for it
+  double timestamp = 0;              ///< [s]
+  ImageView<const float> intensity;  ///< grey value in [0,1]
+  ImageView<const float> depth;      ///< depth along the optical axis [m]; see depth_valid
+  ImageView<const Bgr8> colour{};    ///< optional; only networks ask for it
 };
 
 /// Range of depth values that are used [m].
@@ -40,8 +40,8 @@ struct DepthRange {
 
 /// Noise of a structured-light depth sensor: its standard deviation is max(kDepthNoiseFloor, kDepthNoise z^2).
 /// Khoshelham & Elberink, Sensors 2012.
-inline constexpr float kDepthNoise = 1.425e-3F;  ///< [1/m]
-inline constexpr float kDepthNoiseFloor = 1e-3F; ///< [m]
+inline constexpr float kDepthNoise = 1.425e-3F;   ///< [1/m]
+inline constexpr float kDepthNoiseFloor = 1e-3F;  ///< [m]
 
 /// Standard deviation of a depth of z metres [m].
 [[nodiscard]] inline float depth_sigma(float z) {

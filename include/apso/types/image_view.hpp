@@ -17,13 +17,12 @@ APSO_NAMESPACE_BEGIN
 template <class T>
 struct ImageView {
   T* data = nullptr;
-  int width = 0;               ///< pixels
-  int height = 0;              ///< pixels
-  std::ptrdiff_t stride = 0;   ///< distance between rows, in pixels (elements, not bytes)
+  int width = 0;              ///< pixels
+  int height = 0;             ///< pixels
+  std::ptrdiff_t stride = 0;  ///< distance between rows, in pixels (elements, not bytes)
 
   ImageView() = default;
-  ImageView(T* data_, int width_, int height_, std::ptrdiff_t stride_)
-      : data(data_), width(width_), height(height_), stride(stride_) {}
+  ImageView(T* data_, int width_, int height_, std::ptrdiff_t stride_) : data(data_), width(width_), height(height_), stride(stride_) {}
   ImageView(T* data_, int width_, int height_) : ImageView(data_, width_, height_, width_) {}
   /// A writable view converts to a read-only one.
   template <class U, std::enable_if_t<std::is_same_v<T, const U>, int> = 0>
@@ -32,9 +31,7 @@ struct ImageView {
   [[nodiscard]] bool empty() const { return data == nullptr || width <= 0 || height <= 0; }
   [[nodiscard]] T* row(int y) const { return data + stride * y; }
   [[nodiscard]] T& operator()(int x, int y) const { return data[stride * y + x]; }
-  [[nodiscard]] std::size_t size() const {
-    return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  }
+  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(width) * static_cast<std::size_t>(height); }
 };
 
 /// An image that owns its pixels, rows without padding. Resizing to a size seen before allocates nothing.

@@ -31,19 +31,14 @@ struct Pinhole {
     const auto focal = [](double f) { return f >= kMinFocal && f <= kMaxFocal; };
     expects(focal(fx) && focal(fy), "Pinhole: fx and fy must be > 0, in [0.001, 1e6]");
     expects(std::abs(cx) <= kMaxPrincipal && std::abs(cy) <= kMaxPrincipal, "Pinhole: cx and cy must be finite, in [-1e6, 1e6]");
-    expects(width > 0 && height > 0 && width <= kMaxSide && height <= kMaxSide,
-            "Pinhole: width and height must be > 0 and at most 32767");
+    expects(width > 0 && height > 0 && width <= kMaxSide && height <= kMaxSide, "Pinhole: width and height must be > 0 and at most 32767");
     expects(width <= kMaxPixels / height, "Pinhole: the image must have at most 100,000,000 pixels");
   }
 
   /// Pixel of a camera point [m]. Valid for Z > 0; the caller checks Z and the image bounds.
-  [[nodiscard]] Eigen::Vector2d project(const Eigen::Vector3d& p) const {
-    return {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy};
-  }
+  [[nodiscard]] Eigen::Vector2d project(const Eigen::Vector3d& p) const { return {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy}; }
   /// Camera point [m] of pixel (u,v) at depth z [m] along the optical axis.
-  [[nodiscard]] Eigen::Vector3d unproject(double u, double v, double z) const {
-    return {(u - cx) / fx * z, (v - cy) / fy * z, z};
-  }
+  [[nodiscard]] Eigen::Vector3d unproject(double u, double v, double z) const { return {(u - cx) / fx * z, (v - cy) / fy * z, z}; }
   /// d(u,v)/d(X,Y,Z).
   [[nodiscard]] Eigen::Matrix<double, 2, 3> project_jacobian(const Eigen::Vector3d& p) const {
     const double iz = 1.0 / p.z();
@@ -60,9 +55,7 @@ struct Pinhole {
     return u >= border && v >= border && u <= width - 1 - border && v <= height - 1 - border;
   }
   /// Camera of the image at half the size: a pixel there covers 2x2 pixels here, so c' = (c + 0.5)/2 - 0.5.
-  [[nodiscard]] Pinhole halved() const {
-    return {fx / 2, fy / 2, (cx + 0.5) / 2 - 0.5, (cy + 0.5) / 2 - 0.5, width / 2, height / 2};
-  }
+  [[nodiscard]] Pinhole halved() const { return {fx / 2, fy / 2, (cx + 0.5) / 2 - 0.5, (cy + 0.5) / 2 - 0.5, width / 2, height / 2}; }
 };
 
 APSO_NAMESPACE_END

@@ -11,7 +11,7 @@
 #ifdef APSO_HOST_IS_CXX14
 #include "apso_hook_14.hpp"  // the fork stays at C++11 or C++14
 #else
-#include "apso_hook.hpp"     // +apso  the fork is built as C++17
+#include "apso_hook.hpp"  // +apso  the fork is built as C++17
 #endif
 // [/include]
 
@@ -36,7 +36,7 @@ class Tracking {
         mCy(cy),
         // [construct]
         mApso(fx, fy, cx, cy, width, height)  // +apso
-        // [/construct]
+                                              // [/construct]
   {}
 
   Sophus::SE3f GrabImageRGBD(const cv::Mat& imRGB, const cv::Mat& imD, const double& timestamp, std::string filename);
@@ -64,7 +64,7 @@ class Tracking {
   // [member]
   ApsoHook mApso;           // +apso
   int mnApsoBigChange = 0;  // +apso
-  // [/member]
+                            // [/member]
 
  private:
   bool TrackLocalMap();

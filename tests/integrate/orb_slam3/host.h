@@ -3,19 +3,19 @@
 
 struct PlayedFrame {
   double timestamp;
-  const unsigned char* rgb;     // 3 * width * height
-  const float* depth;           // [m]
-  float pose[12];               // T_camera_world that the feature tracker is made to find
-  float response;               // of all its keypoints
-  int ok;                       // it found a pose at all
-  int big_change;               // index of the last big change of the map
+  const unsigned char* rgb;  // 3 * width * height
+  const float* depth;        // [m]
+  float pose[12];            // T_camera_world that the feature tracker is made to find
+  float response;            // of all its keypoints
+  int ok;                    // it found a pose at all
+  int big_change;            // index of the last big change of the map
 };
 struct HostResult {
-  float pose[12];               // T_camera_world that GrabImageRGBD returned
-  int keyframes;                // so far
-  int hidden;                   // keypoints hidden from matching, so far
+  float pose[12];  // T_camera_world that GrabImageRGBD returned
+  int keyframes;   // so far
+  int hidden;      // keypoints hidden from matching, so far
   int refined;
-  int tracking;                 // mState is OK
+  int tracking;  // mState is OK
 };
 
 using Host = void (*)(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out);

@@ -15,8 +15,8 @@ using namespace apso;
 
 namespace {
 constexpr int kFrames = 46;
-constexpr int kBad = 40;    // a frame with weak keypoints and a pose that is off
-constexpr int kLost = 43;   // a frame without any pose
+constexpr int kBad = 40;   // a frame with weak keypoints and a pose that is off
+constexpr int kLost = 43;  // a frame without any pose
 
 struct Recording {
   testing::SyntheticSequence sequence;

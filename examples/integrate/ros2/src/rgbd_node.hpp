@@ -28,10 +28,10 @@ class RgbdNode : public rclcpp::Node {
     overlay_ = create_publisher<sensor_msgs::msg::Image>("~/overlay", 1);
     info_ = create_subscription<sensor_msgs::msg::CameraInfo>(
         "rgb/camera_info", qos, [this](const sensor_msgs::msg::CameraInfo::ConstSharedPtr m) { on_info(*m); });
-    colour_ = create_subscription<sensor_msgs::msg::Image>(
-        "rgb/image_rect_color", qos, [this](const Image m) { pairing_.add_colour(seconds(*m), m), on_image(); });
-    depth_ = create_subscription<sensor_msgs::msg::Image>(
-        "depth_registered/image_rect", qos, [this](const Image m) { pairing_.add_depth(seconds(*m), m), on_image(); });
+    colour_ = create_subscription<sensor_msgs::msg::Image>("rgb/image_rect_color", qos,
+                                                           [this](const Image m) { pairing_.add_colour(seconds(*m), m), on_image(); });
+    depth_ = create_subscription<sensor_msgs::msg::Image>("depth_registered/image_rect", qos,
+                                                          [this](const Image m) { pairing_.add_depth(seconds(*m), m), on_image(); });
   }
 
  private:

@@ -24,15 +24,14 @@ APSO_NAMESPACE_BEGIN
 struct BackgroundRegistration {
   Status status = Status::NotRun;
   Pose T_world_camera = identity_pose();  ///< the prior unless succeeded(status)
-  int points = 0;                          ///< used in the last step
-  double mean_cost_prior = 0;              ///< mean robust cost at the prior, [0,1]
-  double mean_cost = 0;                    ///< ... and at the result
+  int points = 0;                         ///< used in the last step
+  double mean_cost_prior = 0;             ///< mean robust cost at the prior, [0,1]
+  double mean_cost = 0;                   ///< ... and at the result
 };
 
 /// Point-to-plane registration by projective association (Chen & Medioni 1992; Rusinkiewicz & Levoy 2001) with
 /// Tukey weights and the prior as a Gaussian, so that directions without structure stay at the prior.
-inline BackgroundRegistration register_background(const Image<float>& depth, const Pinhole& camera,
-                                                  const Pose& T_world_camera_prior,
+inline BackgroundRegistration register_background(const Image<float>& depth, const Pinhole& camera, const Pose& T_world_camera_prior,
                                                   const std::vector<const DepthReference*>& references) {
   constexpr int kIterations = 5;              // Gauss-Newton steps; more change the pose by less than the noise
   constexpr int kStride = 3;                  // every third row and column of the small depth image
@@ -91,8 +90,7 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
           const Eigen::Vector3f& n_r = reference->normals[i];
           if (reference->dynamic(iu, iv) != 0 || squared_norm(n_r) == 0) continue;
           const float zr = reference->depth(iu, iv);
-          const Eigen::Vector3f q((static_cast<float>(iu) - cx) / fx * zr, (static_cast<float>(iv) - cy) / fy * zr,
-                                  zr);
+          const Eigen::Vector3f q((static_cast<float>(iu) - cx) / fx * zr, (static_cast<float>(iv) - cy) / fy * zr, zr);
           const float r = dot(n_r, minus(Y, q));
           ++judged;
           const float g = gate + 2.0F * depth_sigma(z);

@@ -13,9 +13,9 @@
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -43,8 +43,7 @@ class CarriedLogOdds {
         const float z = depth(x, y);
         float past = 0;
         if (has_past && z > 0) {
-          const Eigen::Vector3f p =
-              past_from_current(z * (static_cast<float>(x) - cx) / fx, z * (static_cast<float>(y) - cy) / fy, z);
+          const Eigen::Vector3f p = past_from_current(z * (static_cast<float>(x) - cx) / fx, z * (static_cast<float>(y) - cy) / fy, z);
           if (p.z() > 0.05F) {
             const float u = fx * p.x() / p.z() + cx + 0.5F;
             const float v = fy * p.y() / p.z() + cy + 0.5F;
@@ -92,16 +91,14 @@ struct TemporalFilterOptions {
 /// What frames say about the pixels of a small image, one after the other.
 class TemporalEvidence {
  public:
-  explicit TemporalEvidence(const TemporalFilterOptions& options = {}) : options_(options) {
-    validate(options, "temporal_filter");
-  }
+  explicit TemporalEvidence(const TemporalFilterOptions& options = {}) : options_(options) { validate(options, "temporal_filter"); }
 
   /// \param depth small depth of this frame [m]; \param camera of that size
   /// \param dt time since the last frame [s]
   /// \param probability in: what this frame says, [0,1]; out: what all frames say
   /// \param known in: 1 where this frame says anything; out: where any frame still does, elsewhere the probability is 0
-  void update(const Image<float>& depth, const Pinhole& camera, const Pose& T_world_camera, double dt,
-              Image<float>& probability, Image<std::uint8_t>& known) {
+  void update(const Image<float>& depth, const Pinhole& camera, const Pose& T_world_camera, double dt, Image<float>& probability,
+              Image<std::uint8_t>& known) {
     const auto keep_seen = static_cast<float>(options_.persistence);
     const auto keep_blind = static_cast<float>(std::exp(-std::max(0.0, dt) / options_.hold));
     constexpr float kStep = 1.2F;   // largest change of the log-odds by one frame

@@ -73,9 +73,8 @@ inline void flow_residuals(const std::vector<PointTrack>& tracks, const Pinhole&
     const DepthSpan span = depth_span_3x3(previous_depth, ix, iy);
     FlowPoint point{t.x, t.y, 0, 0, std::numeric_limits<float>::infinity(), 0, span.inside_surface, false};
     for (const float z : {previous_depth(ix, iy), span.nearest, span.farthest}) {
-      const Eigen::Vector3d p =
-          transform(T_current_previous, camera.unproject(static_cast<double>(t.previous_x),
-                                                         static_cast<double>(t.previous_y), static_cast<double>(z)));
+      const Eigen::Vector3d p = transform(T_current_previous, camera.unproject(static_cast<double>(t.previous_x),
+                                                                               static_cast<double>(t.previous_y), static_cast<double>(z)));
       if (!(p.z() > 0.05)) continue;
       const Eigen::Vector2d u = camera.project(p);
       const float dx = t.x - static_cast<float>(u.x());

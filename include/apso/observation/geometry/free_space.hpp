@@ -14,20 +14,20 @@
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/observation/geometry/low_res_depth.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 
 /// One past view at low resolution.
 struct DepthReference {
-  double time = 0;                      ///< [s]
+  double time = 0;  ///< [s]
   Pose T_world_camera = identity_pose();
-  Image<float> depth;                   ///< [m], 0 invalid
-  Image<std::uint8_t> dynamic;          ///< 1 = was dynamic then
-  DepthLimits limits;                   ///< of depth
-  std::vector<Eigen::Vector3f> normals; ///< of depth, camera frame; zero = none
+  Image<float> depth;                    ///< [m], 0 invalid
+  Image<std::uint8_t> dynamic;           ///< 1 = was dynamic then
+  DepthLimits limits;                    ///< of depth
+  std::vector<Eigen::Vector3f> normals;  ///< of depth, camera frame; zero = none
 };
 
 /// Evidence per low-resolution pixel, summed over past views.

@@ -28,18 +28,18 @@ APSO_NAMESPACE_BEGIN
 
 /// One pixel warped into the past frame.
 struct WarpedPixel {
-  Eigen::Vector3f Y;             ///< point in the past camera [m]
-  float r_intensity = 0;         ///< I_past(u) - I(p)
-  float r_depth = 0;             ///< Z_past(u) - Y_z [m]; positive: the point is in front of what was seen then
-  Eigen::Vector3f a_intensity;   ///< derivative of r_intensity by Y [1/m]
-  Eigen::Vector3f a_depth;       ///< derivative of r_depth by Y
-  float sigma_intensity = 1;     ///< expected spread of r_intensity
-  float sigma_depth = 1;         ///< expected spread of r_depth [m]
+  Eigen::Vector3f Y;            ///< point in the past camera [m]
+  float r_intensity = 0;        ///< I_past(u) - I(p)
+  float r_depth = 0;            ///< Z_past(u) - Y_z [m]; positive: the point is in front of what was seen then
+  Eigen::Vector3f a_intensity;  ///< derivative of r_intensity by Y [1/m]
+  Eigen::Vector3f a_depth;      ///< derivative of r_depth by Y
+  float sigma_intensity = 1;    ///< expected spread of r_intensity
+  float sigma_depth = 1;        ///< expected spread of r_depth [m]
 };
 
 /// Warps pixel (x,y). False where it has no depth, leaves the view, or falls on an edge or hole of the past depth.
-[[nodiscard]] inline bool warp_pixel(const SmallFrame& current, int x, int y, const SmallFrame& past,
-                                     const Pinhole& camera, const FloatPose& T_past_current, WarpedPixel& out) {
+[[nodiscard]] inline bool warp_pixel(const SmallFrame& current, int x, int y, const SmallFrame& past, const Pinhole& camera,
+                                     const FloatPose& T_past_current, WarpedPixel& out) {
   constexpr float kSigmaIntensity = 0.03F;  // noise of the difference of two intensities, with what interpolation adds
   constexpr float kSigmaPixel = 0.3F;       // error of the position, which counts by the gradient [small px]
   const float z = current.depth(x, y);
@@ -94,7 +94,7 @@ struct WarpedPixel {
 struct LowResAlignment {
   Status status = Status::NotRun;
   Pose T_past_current = identity_pose();  ///< the prior unless succeeded(status)
-  int points = 0;                          ///< that took part in the last step
+  int points = 0;                         ///< that took part in the last step
 };
 
 /// Gauss-Newton on both residuals with Cauchy weights, the prior as a Gaussian, so that directions without structure

@@ -14,9 +14,9 @@
 #include <apso/config.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/traits/any.hpp>
+#include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
-#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -72,8 +72,8 @@ class BlockRows {
 /// that surface only, so that no depth appears between foreground and background. Invalid is 0.
 /// \param depth any image [m], read once by rows
 /// \param buffer kept by the caller, so that warm calls allocate nothing
-inline void reduce_depth(const AnyImage& depth, int factor, const DepthRange& range, int width, int height,
-                         BlockRows& buffer, Image<float>& out) {
+inline void reduce_depth(const AnyImage& depth, int factor, const DepthRange& range, int width, int height, BlockRows& buffer,
+                         Image<float>& out) {
   out.resize(width, height);
   const int c0 = (factor - 1) / 2;
   const int c1 = factor / 2;

@@ -31,8 +31,7 @@ struct PointClusters {
 
 /// K-means of the points of a small depth image, started from the middles of a grid of the image, so the result does
 /// not depend on chance. \param columns, rows of the grid; their product is the number of clusters, at most 250
-inline void cluster_points(const Image<float>& depth, const Pinhole& camera, int columns, int rows, int iterations,
-                           PointClusters& out) {
+inline void cluster_points(const Image<float>& depth, const Pinhole& camera, int columns, int rows, int iterations, PointClusters& out) {
   expects(columns > 0 && rows > 0 && columns * rows <= 250, "cluster_points: between 1 and 250 clusters");
   const int w = depth.width();
   const int h = depth.height();
@@ -120,8 +119,8 @@ inline void cluster_points(const Image<float>& depth, const Pinhole& camera, int
 /// Probabilities of rest of k clusters: minimises
 ///     -sum d_i b_i + prior/2 sum (b_i - p_i)^2 + smooth/2 sum_neighbours (b_i - b_j)^2,  b in [0,1] (clipped)
 /// where d_i in [-1,1] is how much better rest explains cluster i than the mean cluster does.
-inline void solve_rest(const std::vector<float>& d, const std::vector<float>& p, const std::vector<std::uint8_t>& neighbours,
-                       double prior, double smooth, std::vector<float>& b) {
+inline void solve_rest(const std::vector<float>& d, const std::vector<float>& p, const std::vector<std::uint8_t>& neighbours, double prior,
+                       double smooth, std::vector<float>& b) {
   constexpr int kMaximum = 64;
   const int k = static_cast<int>(d.size());
   expects(p.size() == d.size() && neighbours.size() == d.size() * d.size() && prior > 0 && smooth >= 0,

@@ -25,10 +25,10 @@ inline constexpr int kMotionWidth = 160;
 
 /// One frame, reduced by a whole factor.
 struct SmallFrame {
-  double time = 0;                       ///< [s]
+  double time = 0;  ///< [s]
   Pose T_world_camera = identity_pose();
-  Image<float> depth;                    ///< [m], 0 invalid
-  Image<float> intensity;                ///< [0,1]
+  Image<float> depth;      ///< [m], 0 invalid
+  Image<float> intensity;  ///< [0,1]
 };
 
 /// Whole factor by which a camera is reduced to about `width` columns.

@@ -32,8 +32,8 @@ inline constexpr std::uint8_t kClaimedStatic = 1;
 /// \param least at least 2
 /// \param claims of the size of depth, see kClaimedStatic
 /// Linear in the number of pixels.
-inline void claim_surfaces(const std::vector<FlowPoint>& points, const Image<float>& depth, int factor, int reach,
-                           float depth_span, int least, Image<std::uint8_t>& claims, RegionScratch& scratch) {
+inline void claim_surfaces(const std::vector<FlowPoint>& points, const Image<float>& depth, int factor, int reach, float depth_span,
+                           int least, Image<std::uint8_t>& claims, RegionScratch& scratch) {
   constexpr std::uint8_t kMoving = 2;
   constexpr float coherent = 0.7F;  // length of the mean residual over the mean length: 1 = all the same way
   const int w = depth.width();

@@ -29,8 +29,7 @@ class TrackHistory {
     if (frames_.empty()) return;
     const std::vector<Point>& past = frames_.front().points;
     for (const PointTrack& t : tracks) {
-      const auto it = std::lower_bound(past.begin(), past.end(), t.id,
-                                       [](const Point& p, std::int64_t id) { return p.id < id; });
+      const auto it = std::lower_bound(past.begin(), past.end(), t.id, [](const Point& p, std::int64_t id) { return p.id < id; });
       if (it == past.end() || it->id != t.id) continue;
       PointTrack span = t;
       span.previous_x = it->x;

@@ -25,9 +25,7 @@ class ViewMemory {
 
   /// \param views  how many are kept
   /// \param memory age at which a view is dropped [s]
-  ViewMemory(int views, double memory) : limit_(static_cast<std::size_t>(views)), memory_(memory) {
-    views_.reserve(limit_ + 1);
-  }
+  ViewMemory(int views, double memory) : limit_(static_cast<std::size_t>(views)), memory_(memory) { views_.reserve(limit_ + 1); }
 
   /// Oldest first.
   [[nodiscard]] const std::vector<DepthReference>& views() const { return views_; }

@@ -25,8 +25,8 @@ class ObjectMatching {
   /// \param objects of this frame; one with a track_id is identified already and takes no part
   /// \param object  number of the object of a small pixel plus one, 0 = none
   /// \param depth_gap depths that differ by more than four times this are not the same object [m]
-  void match(const ObjectGrid& grid, const ObjectPrediction& prediction, const std::vector<Detection>& objects,
-             const Image<int>& object, const std::vector<KnownObject>& known, double depth_gap) {
+  void match(const ObjectGrid& grid, const ObjectPrediction& prediction, const std::vector<Detection>& objects, const Image<int>& object,
+             const std::vector<KnownObject>& known, double depth_gap) {
     const std::size_t n = objects.size();
     const std::size_t m = known.size();
     shared_.assign(n * m, 0);
@@ -46,8 +46,8 @@ class ObjectMatching {
     for (std::size_t o = 0; o < n; ++o) {
       if (objects[o].track_id >= 0) continue;  // whoever detected it also tracks it
       for (std::size_t k = 0; k < m; ++k) {
-        const bool classes_fit = objects[o].class_id == known[k].class_id || objects[o].class_id == kUnknownClass ||
-                                 known[k].class_id == kUnknownClass;
+        const bool classes_fit =
+            objects[o].class_id == known[k].class_id || objects[o].class_id == kUnknownClass || known[k].class_id == kUnknownClass;
         if (!classes_fit) continue;
         const double shared = static_cast<double>(shared_[o * m + k]);
         cost_[o * m + k] = 1.0 - agreement(objects[o].box, depth(o), known[k], shared, prediction.count()[k], depth_gap);
@@ -64,8 +64,7 @@ class ObjectMatching {
 
  private:
   // Agreement of a box at depth z with what a known object predicts, in [0,1].
-  [[nodiscard]] static double agreement(const Box& b, double z, const KnownObject& known, double shared, int seeds,
-                                        double depth_gap) {
+  [[nodiscard]] static double agreement(const Box& b, double z, const KnownObject& known, double shared, int seeds, double depth_gap) {
     const double overlap = static_cast<double>(iou(b, known.box));
     if (seeds > 0) return 0.5 * overlap + 0.5 * shared / seeds;
     // not seen lately: by distance, which may be larger than the box

@@ -23,7 +23,7 @@ inline constexpr int kUnknownClass = -1;
 
 /// What is known of an object from the frames in which it was seen.
 struct KnownObject {
-  Box box;                       ///< predicted for this frame by ObjectPrediction [px]
+  Box box;  ///< predicted for this frame by ObjectPrediction [px]
   int class_id = kUnknownClass;
   int id = -1;                   ///< identity
   int missed = 0;                ///< frames since it was seen

@@ -62,8 +62,8 @@ class ObjectSegmentation {
  public:
   /// \param min_pixels smaller regions are left out [px of the frame]
   /// \param depth_gap  regions are cut where neighbouring depths differ by more [m]
-  void cut(const ObjectGrid& grid, const DynamicMask& mask, const ObjectPrediction& prediction, std::size_t known,
-           int min_pixels, double depth_gap) {
+  void cut(const ObjectGrid& grid, const DynamicMask& mask, const ObjectPrediction& prediction, std::size_t known, int min_pixels,
+           double depth_gap) {
     const auto gap = static_cast<float>(depth_gap);
     const Image<int>& seed = prediction.seed();
     const auto at = [&](int i) { return mask.probability(grid.x(i), grid.y(i)); };
@@ -154,8 +154,8 @@ class ObjectSegmentation {
       }
       if (largest == a) continue;
       const ObjectPiece& main = pieces_[largest];
-      const int gap = std::max(std::max(pieces_[a].x0 - main.x1, main.x0 - pieces_[a].x1),
-                               std::max(pieces_[a].y0 - main.y1, main.y0 - pieces_[a].y1));
+      const int gap =
+          std::max(std::max(pieces_[a].x0 - main.x1, main.x0 - pieces_[a].x1), std::max(pieces_[a].y0 - main.y1, main.y0 - pieces_[a].y1));
       const int reach = 2 + std::max(main.x1 - main.x0, main.y1 - main.y0) / 8;
       const bool body = one_body(pieces_[a].box(), pieces_[a].mean_depth(), main.box(), main.mean_depth());
       const bool stays = gap <= reach && (body || 3 * pieces_[a].pixels <= main.pixels);

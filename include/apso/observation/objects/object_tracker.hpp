@@ -25,8 +25,8 @@ inline constexpr int kMinimumObjectPixels = 600;  ///< smaller regions of the ma
 inline constexpr double kObjectDepthGap = 0.25;   ///< regions are cut where neighbouring depths differ by more [m]: the depth of a body
 
 struct ObjectTrackerOptions {
-  int max_missed = 10;        ///< frames an identity is kept without being seen: a third of a second
-  double keep = 0.6;          ///< share of its past motion probability an object keeps per frame
+  int max_missed = 10;  ///< frames an identity is kept without being seen: a third of a second
+  double keep = 0.6;    ///< share of its past motion probability an object keeps per frame
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("max_missed", s.max_missed, 0, 100000);
@@ -45,9 +45,7 @@ struct ObjectTrackerOptions {
 /// or pass keep their boxes (object_segmentation.hpp); then objects and predictions are matched (object_matching.hpp).
 class ObjectTracker {
  public:
-  explicit ObjectTracker(const ObjectTrackerOptions& options = {}) : options_(options) {
-    apso::validate(options, "object_tracker");
-  }
+  explicit ObjectTracker(const ObjectTrackerOptions& options = {}) : options_(options) { apso::validate(options, "object_tracker"); }
 
   /// \param depth any image [m], size of the mask; may be empty or `none`: then regions are not cut at depth steps
   /// \param detections any range or `none`; their masks must outlive the result. The kMaxObjects with the highest scores count
@@ -60,8 +58,7 @@ class ObjectTracker {
     expects(depth.empty() || (depth.width() == w && depth.height() == h), "ObjectTracker: depth and mask differ in size");
     objects_.clear();
     for (const Detection& d : detections.in(detections_)) {
-      expects(d.mask.empty() || (d.mask.width == w && d.mask.height == h),
-              "ObjectTracker: mask of a detection has another size");
+      expects(d.mask.empty() || (d.mask.width == w && d.mask.height == h), "ObjectTracker: mask of a detection has another size");
       objects_.push_back(d);
     }
     keep_strongest(objects_);
@@ -201,7 +198,7 @@ class ObjectTracker {
 
   // Two objects found by motion that stay parts of one body become the older one.
   void unite() {
-    constexpr int kTogether = 6;                              // for so many frames
+    constexpr int kTogether = 6;                                // for so many frames
     constexpr auto near = static_cast<float>(2 * kObjectStep);  // boxes that are this close touch [px]
     for (std::size_t k = 1; k < known_.size(); ++k) {
       KnownObject& young = known_[k];

@@ -22,9 +22,9 @@
 APSO_NAMESPACE_BEGIN
 
 struct ClusterResidualOptions {
-  DepthRange depth;           ///< depth that is used
-  double reference = 1.5;     ///< a cluster moves when its cost is above this multiple of the mean of resting ones
-  int dilation = 4;           ///< the mask is widened by this [px]
+  DepthRange depth;        ///< depth that is used
+  double reference = 1.5;  ///< a cluster moves when its cost is above this multiple of the mean of resting ones
+  int dilation = 4;        ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("depth", s.depth);
@@ -44,8 +44,8 @@ class ClusterResidual : public PolicyOperators {
       : reference_(checked(options).reference), comparison_(camera, options.depth, rules(options)) {}
 
   void observe(const AnyFrame& frame, const AnyPose& T_world_camera_prior, const AnyTracks&, DynamicMask& out) {
-    const auto compare = [this](const SmallFrame& current, const SmallFrame& past, const Pose& T_prior,
-                                Image<float>& probability, Image<std::uint8_t>& known) {
+    const auto compare = [this](const SmallFrame& current, const SmallFrame& past, const Pose& T_prior, Image<float>& probability,
+                                Image<std::uint8_t>& known) {
       cluster_points(current.depth, comparison_.small_camera(), kColumns, kRows, kClusterSteps, clusters_);
       solve(current, past, T_prior);
       mark(probability, known);
@@ -58,17 +58,16 @@ class ClusterResidual : public PolicyOperators {
     rest_.clear();
   }
 
-
  private:
-  static constexpr int kColumns = 6;              // clusters across: 24 in all, as many as Joint-VO-SF uses
-  static constexpr int kRows = 4;                 // clusters down
-  static constexpr int kClusterSteps = 4;         // of k-means
-  static constexpr int kRounds = 3;               // how often pose and probabilities are solved in turn
-  static constexpr int kIterations = 4;           // of the alignment in each round
-  static constexpr double kPriorWeight = 0.5;     // of the prior of a cluster
-  static constexpr double kSmoothWeight = 0.35;   // of the agreement of neighbours
-  static constexpr float kDepthPrior = 1.5F;      // prior of rest: 1 - kDepthPrior * mean difference of depth [1/m]
-  static constexpr float kMinimumCost = 0.8F;     // a cluster that costs less than this times `reference` rests
+  static constexpr int kColumns = 6;             // clusters across: 24 in all, as many as Joint-VO-SF uses
+  static constexpr int kRows = 4;                // clusters down
+  static constexpr int kClusterSteps = 4;        // of k-means
+  static constexpr int kRounds = 3;              // how often pose and probabilities are solved in turn
+  static constexpr int kIterations = 4;          // of the alignment in each round
+  static constexpr double kPriorWeight = 0.5;    // of the prior of a cluster
+  static constexpr double kSmoothWeight = 0.35;  // of the agreement of neighbours
+  static constexpr float kDepthPrior = 1.5F;     // prior of rest: 1 - kDepthPrior * mean difference of depth [1/m]
+  static constexpr float kMinimumCost = 0.8F;    // a cluster that costs less than this times `reference` rests
 
   static const Options& checked(const Options& options) {
     validate(options, "cluster_residual");

@@ -23,9 +23,9 @@
 APSO_NAMESPACE_BEGIN
 
 struct DepthRefinedMaskOptions {
-  DepthRange depth;           ///< depth that is used
-  double window = 0.1;        ///< the object may reach this share of its box beyond it
-  int dilation = 4;           ///< the mask is widened by this [px]
+  DepthRange depth;     ///< depth that is used
+  double window = 0.1;  ///< the object may reach this share of its box beyond it
+  int dilation = 4;     ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("depth", s.depth);
@@ -121,11 +121,9 @@ class DepthRefinedMask : public PolicyOperators {
     const int factor = reducer_.factor();
     const Pinhole& small = reducer_.small();
     const auto f = static_cast<float>(factor);
-    const auto limit = [f](float v, int n) {
-      return static_cast<int>(v == v ? std::clamp(v / f, 0.0F, static_cast<float>(n)) : 0.0F);
-    };
-    const Window b{limit(d.box.x, small.width), limit(d.box.y, small.height),
-                   limit(d.box.x + d.box.width + f - 1, small.width), limit(d.box.y + d.box.height + f - 1, small.height)};
+    const auto limit = [f](float v, int n) { return static_cast<int>(v == v ? std::clamp(v / f, 0.0F, static_cast<float>(n)) : 0.0F); };
+    const Window b{limit(d.box.x, small.width), limit(d.box.y, small.height), limit(d.box.x + d.box.width + f - 1, small.width),
+                   limit(d.box.y + d.box.height + f - 1, small.height)};
     if (b.x0 >= b.x1 || b.y0 >= b.y1) return;
     depths_.clear();
     const bool only_box = d.mask.empty();
@@ -188,8 +186,7 @@ class DepthRefinedMask : public PolicyOperators {
     const int h = depth_.height();
     const int gx = static_cast<int>(std::lround(options_.window * (box.x1 - box.x0)));
     const int gy = static_cast<int>(std::lround(options_.window * (box.y1 - box.y0)));
-    const Window b{std::max(0, box.x0 - gx), std::max(0, box.y0 - gy), std::min(w, box.x1 + gx),
-                   std::min(h, box.y1 + gy)};
+    const Window b{std::max(0, box.x0 - gx), std::max(0, box.y0 - gy), std::min(w, box.x1 + gx), std::min(h, box.y1 + gy)};
     const auto inside = [&](int i) {
       const int x = i % w;
       const int y = i / w;
@@ -197,8 +194,7 @@ class DepthRefinedMask : public PolicyOperators {
       return x >= b.x0 && x < b.x1 && y >= b.y0 && y < b.y1 && z >= lo && z <= hi;
     };
     for_each_component(
-        w, h, scratch_, inside,
-        [&](int i, int j) { return depth_connected(depth_.data()[i], depth_.data()[j]); },
+        w, h, scratch_, inside, [&](int i, int j) { return depth_connected(depth_.data()[i], depth_.data()[j]); },
         [&](const int* first, const int* last) {
           std::ptrdiff_t n = 0;
           for (const int* i = first; i != last; ++i) n += marked_.data()[*i];

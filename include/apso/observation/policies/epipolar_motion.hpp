@@ -30,9 +30,9 @@ APSO_NAMESPACE_BEGIN
 inline constexpr double kEpipolarSpan = 0.2;  ///< tracks are compared with where they were this long ago [s]: a fast turn stays in view
 
 struct EpipolarMotionOptions {
-  DepthRange depth;            ///< depth that is used
-  double moving = 2.5;         ///< a track this far from its line, or from its prediction, moves as likely as not [px]
-  int dilation = 4;            ///< the mask is widened by this [px]
+  DepthRange depth;     ///< depth that is used
+  double moving = 2.5;  ///< a track this far from its line, or from its prediction, moves as likely as not [px]
+  int dilation = 4;     ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("depth", s.depth);
@@ -43,9 +43,9 @@ struct EpipolarMotionOptions {
 
 /// How the last frame was judged.
 enum class EpipolarModel {
-  None,        ///< too few tracks
-  Lines,       ///< by distance to epipolar lines
-  Prediction   ///< the camera only turned or stood: by distance to the position predicted from pose and depth
+  None,       ///< too few tracks
+  Lines,      ///< by distance to epipolar lines
+  Prediction  ///< the camera only turned or stood: by distance to the position predicted from pose and depth
 };
 
 /// Finds tracks that break the epipolar geometry of the camera's motion and grows them over their surfaces.
@@ -75,8 +75,7 @@ class EpipolarMotion : public PolicyOperators {
     const Snapshot* past = reference();
     if (past != nullptr) judge(list, *past, prior);
     filter_.update(depth_, small, prior, dt, probability_, known_);
-    maker_.make(depth_, probability_, known_, small, reducer_.factor(), reducer_.camera().width, reducer_.camera().height,
-                rules_, out);
+    maker_.make(depth_, probability_, known_, small, reducer_.factor(), reducer_.camera().width, reducer_.camera().height, rules_, out);
     keep(list, prior);
   }
   void remember(const AnyFrame&, const AnyPose& T_world_camera, const DynamicMask&) {
@@ -93,10 +92,10 @@ class EpipolarMotion : public PolicyOperators {
   [[nodiscard]] EpipolarModel model() const { return model_; }
 
  private:
-  static constexpr std::size_t kMinPairs = 20;   // fewer tracks say nothing
-  static constexpr std::size_t kMaximum = 32;    // frames that are kept at most
-  static constexpr double kMinParallax = 3.0;    // below this median flow without the rotation there are no lines [px]
-  static constexpr int kRadius = 10;             // a track speaks for the surface this far around it [px]
+  static constexpr std::size_t kMinPairs = 20;  // fewer tracks say nothing
+  static constexpr std::size_t kMaximum = 32;   // frames that are kept at most
+  static constexpr double kMinParallax = 3.0;   // below this median flow without the rotation there are no lines [px]
+  static constexpr int kRadius = 10;            // a track speaks for the surface this far around it [px]
 
   struct TrackPoint {
     std::int64_t id;
@@ -145,11 +144,10 @@ class EpipolarMotion : public PolicyOperators {
     past_depth_.clear();
     for (const PointTrack& t : tracks) {
       if (!std::isfinite(t.x) || !std::isfinite(t.y)) continue;
-      const auto it = std::lower_bound(past.points.begin(), past.points.end(), t.id,
-                                       [](const TrackPoint& p, std::int64_t id) { return p.id < id; });
+      const auto it =
+          std::lower_bound(past.points.begin(), past.points.end(), t.id, [](const TrackPoint& p, std::int64_t id) { return p.id < id; });
       if (it == past.points.end() || it->id != t.id) continue;
-      pairs_.push_back({{static_cast<double>(it->x), static_cast<double>(it->y)},
-                        {static_cast<double>(t.x), static_cast<double>(t.y)}});
+      pairs_.push_back({{static_cast<double>(it->x), static_cast<double>(it->y)}, {static_cast<double>(t.x), static_cast<double>(t.y)}});
       past_depth_.push_back(it->z);
     }
     if (pairs_.size() < kMinPairs) return;
@@ -171,7 +169,8 @@ class EpipolarMotion : public PolicyOperators {
       model_ = EpipolarModel::Prediction;
       for (std::size_t i = 0; i < pairs_.size(); ++i) {
         if (!(past_depth_[i] > 0)) continue;
-        const Eigen::Vector3d X = transform(T, camera.unproject(pairs_[i].past.x(), pairs_[i].past.y(), static_cast<double>(past_depth_[i])));
+        const Eigen::Vector3d X =
+            transform(T, camera.unproject(pairs_[i].past.x(), pairs_[i].past.y(), static_cast<double>(past_depth_[i])));
         if (X.z() > 0.05) distance_[i] = norm(minus(pairs_[i].current, camera.project(X)));
       }
     }

@@ -35,13 +35,13 @@ inline constexpr double kFlowResidual = 3.0;         ///< a track this far from 
 inline constexpr float kMinimumMovingArea = 0.015F;  ///< regions that are smaller in the world are dropped [m^2]: a hand with its arm
 
 struct GeometricMotionOptions {
-  int width = kMotionWidth;       ///< width of the images that are worked on [px]; the frame is reduced by a whole factor
-  DepthRange depth;               ///< depth that is used
-  int references = 12;            ///< past views that are kept and compared with every frame
-  double memory = 6.0;            ///< age at which a view is dropped [s]; what stands still that long is static again
-  bool correct_prior = true;      ///< register the background first, to take the error out of the pose prior
-  double threshold = 0.6;         ///< log-odds from which a pixel is dynamic; two frames that agree reach it
-  int dilation = 4;               ///< the mask is widened by this [px]
+  int width = kMotionWidth;   ///< width of the images that are worked on [px]; the frame is reduced by a whole factor
+  DepthRange depth;           ///< depth that is used
+  int references = 12;        ///< past views that are kept and compared with every frame
+  double memory = 6.0;        ///< age at which a view is dropped [s]; what stands still that long is static again
+  bool correct_prior = true;  ///< register the background first, to take the error out of the pose prior
+  double threshold = 0.6;     ///< log-odds from which a pixel is dynamic; two frames that agree reach it
+  int dilation = 4;           ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("width", s.width, 16, 4096);

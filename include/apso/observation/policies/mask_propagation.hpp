@@ -23,8 +23,8 @@
 APSO_NAMESPACE_BEGIN
 
 struct MaskPropagationOptions {
-  DepthRange depth;           ///< depth that is used
-  int every = 5;              ///< the inner policy sees every n-th frame
+  DepthRange depth;  ///< depth that is used
+  int every = 5;     ///< the inner policy sees every n-th frame
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("depth", s.depth);
@@ -208,8 +208,8 @@ class MaskPropagation : public PolicyOperators {
   Image<float> previous_depth_;
   Image<float> mask_;
   Image<std::uint8_t> known_;
-  Image<int> region_;        // of the last frame, 0 = none
-  Image<float> look_;        // at the last look: mask, depth, regions
+  Image<int> region_;  // of the last frame, 0 = none
+  Image<float> look_;  // at the last look: mask, depth, regions
   Image<float> look_depth_;
   Image<int> look_region_;
   std::vector<Region> regions_;

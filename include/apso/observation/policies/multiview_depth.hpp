@@ -28,8 +28,8 @@ APSO_NAMESPACE_BEGIN
 inline constexpr float kMovedInDepth = 0.4F;
 
 struct MultiViewDepthOptions {
-  DepthRange depth;          ///< depth that is used
-  int dilation = 4;          ///< the mask is widened by this [px]
+  DepthRange depth;  ///< depth that is used
+  int dilation = 4;  ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("depth", s.depth);
@@ -68,8 +68,7 @@ class MultiViewDepth : public PolicyOperators {
       known_.data()[i] = in + rest > 0 ? 1 : 0;
       probability_.data()[i] = in + rest > 0 ? in / (in + rest) : 0.0F;
     }
-    maker_.make(depth_, probability_, known_, small, reducer_.factor(), reducer_.camera().width, reducer_.camera().height,
-                rules_, out);
+    maker_.make(depth_, probability_, known_, small, reducer_.factor(), reducer_.camera().width, reducer_.camera().height, rules_, out);
   }
 
   void remember(const AnyFrame&, const AnyPose& T_world_camera_final, const DynamicMask& mask) {
@@ -80,9 +79,8 @@ class MultiViewDepth : public PolicyOperators {
     if (!views_.empty()) {
       const View& last = views_.back();
       const Pose T = compose(inverse(last.T_world_camera), T_world_camera);
-      const bool new_place = norm(translation(T)) >= kViewDistance ||
-                             rotation_angle(T) >= kViewAngle ||
-                             clock_.now() - last.time >= kViewInterval;
+      const bool new_place =
+          norm(translation(T)) >= kViewDistance || rotation_angle(T) >= kViewAngle || clock_.now() - last.time >= kViewInterval;
       if (!new_place) return;
     }
     View v;
@@ -158,7 +156,8 @@ class MultiViewDepth : public PolicyOperators {
         const float z = view.depth(x, y);
         if (!(z > 0)) continue;
         const Eigen::Vector3f X = T.rotate((static_cast<float>(x) - cx) / fx * z, (static_cast<float>(y) - cy) / fy * z, z);
-        const Eigen::Vector3f Y(X.x() + T.t[0], X.y() + T.t[1], X.z() + T.t[2]);  // seen from this frame; X is the same point seen from the view
+        const Eigen::Vector3f Y(X.x() + T.t[0], X.y() + T.t[1],
+                                X.z() + T.t[2]);  // seen from this frame; X is the same point seen from the view
         if (!(Y.z() > 0.05F)) continue;
         if (dot(X, Y) < smallest_cosine * norm(X) * norm(Y)) continue;
         const float u = fx * Y.x() / Y.z() + cx + 0.5F;

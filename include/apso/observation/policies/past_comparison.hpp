@@ -42,8 +42,8 @@ class PastComparison {
       compare(current_, *past, compose(inverse(past->T_world_camera), T_world_camera_prior), probability_, known_);
     }
     filter_.update(current_.depth, small, T_world_camera_prior, dt, probability_, known_);
-    maker_.make(current_.depth, probability_, known_, small, reducer_.factor(), reducer_.camera().width,
-                reducer_.camera().height, rules_, out);
+    maker_.make(current_.depth, probability_, known_, small, reducer_.factor(), reducer_.camera().width, reducer_.camera().height, rules_,
+                out);
   }
   /// Keeps the frame that was observed last, now that its pose is known.
   void remember(const Pose& T_world_camera) {

@@ -20,9 +20,9 @@
 APSO_NAMESPACE_BEGIN
 
 struct ResidualMotionOptions {
-  DepthRange depth;         ///< depth that is used
-  double moving = 3.5;      ///< residual at which motion is as likely as rest [standard deviations]
-  int dilation = 4;         ///< the mask is widened by this [px]
+  DepthRange depth;     ///< depth that is used
+  double moving = 3.5;  ///< residual at which motion is as likely as rest [standard deviations]
+  int dilation = 4;     ///< the mask is widened by this [px]
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("depth", s.depth);
@@ -45,8 +45,8 @@ class ResidualMotion : public PolicyOperators {
       : moving_(checked(options).moving), comparison_(camera, options.depth, rules(options)) {}
 
   void observe(const AnyFrame& frame, const AnyPose& T_world_camera_prior, const AnyTracks&, DynamicMask& out) {
-    const auto compare = [this](const SmallFrame& current, const SmallFrame& past, const Pose& T_prior,
-                                Image<float>& probability, Image<std::uint8_t>& known) {
+    const auto compare = [this](const SmallFrame& current, const SmallFrame& past, const Pose& T_prior, Image<float>& probability,
+                                Image<std::uint8_t>& known) {
       const Pinhole& camera = comparison_.small_camera();
       const LowResAlignment found = align_low_res(current, past, camera, T_prior, nullptr, kIterations, scratch_);
       read_residuals(current, past, camera, found.T_past_current);

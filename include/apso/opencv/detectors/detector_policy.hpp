@@ -30,8 +30,7 @@ inline void gray_of(const AnyImage& intensity, std::vector<float>& row, cv::Mat&
 /// The mask of what a detector found: every movable object has the probability (1 + score) / 2, since what passed the
 /// detector's own threshold counts as dynamic. Outside of all objects nothing is known.
 /// \param marked buffer
-inline void mark_detections(const std::vector<Detection>& found, int width, int height, std::vector<Detection>& marked,
-                            DynamicMask& out) {
+inline void mark_detections(const std::vector<Detection>& found, int width, int height, std::vector<Detection>& marked, DynamicMask& out) {
   marked = found;
   for (Detection& d : marked) d.motion_probability = 0.5F + 0.5F * d.score;
   mask_from_detections(marked, width, height, false, out);

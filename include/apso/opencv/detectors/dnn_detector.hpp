@@ -26,12 +26,12 @@ APSO_NAMESPACE_BEGIN
 namespace opencv {
 
 struct DnnOptions {
-  int input_width = 640;             ///< size of the network's input [px]
-  int input_height = 640;            ///< [px]
-  float score = 0.4F;                ///< objects with less are left out
-  float nms = 0.5F;                  ///< of two objects of a class that overlap more (IoU), the weaker one is dropped
+  int input_width = 640;                 ///< size of the network's input [px]
+  int input_height = 640;                ///< [px]
+  float score = 0.4F;                    ///< objects with less are left out
+  float nms = 0.5F;                      ///< of two objects of a class that overlap more (IoU), the weaker one is dropped
   NetworkHead head = NetworkHead::Auto;  ///< what the outputs mean
-  int first_class = 0;               ///< id the network gives to the first name of the class list (1 for torchvision)
+  int first_class = 0;                   ///< id the network gives to the first name of the class list (1 for torchvision)
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("input_width", s.input_width, 8, 8192);
@@ -114,8 +114,8 @@ class DnnDetector {
  private:
   void prepare(const AnyFrame& frame) {
     if (!frame.colour.empty()) {
-      colour_ = cv::Mat(frame.colour.height, frame.colour.width, CV_8UC3,
-                        const_cast<Bgr8*>(frame.colour.data), static_cast<std::size_t>(frame.colour.stride) * sizeof(Bgr8));
+      colour_ = cv::Mat(frame.colour.height, frame.colour.width, CV_8UC3, const_cast<Bgr8*>(frame.colour.data),
+                        static_cast<std::size_t>(frame.colour.stride) * sizeof(Bgr8));
       return;
     }
     expects(!frame.intensity().empty(), "DnnDetector: the frame has neither colour nor intensity");

@@ -57,13 +57,14 @@ struct MotionFiles {
   t.emplace_back("hog-people", hog, "people by gradients");
   t.emplace_back("dnn", dnn, "objects of a network, needs --model");
   t.emplace_back("precomputed", precomputed, "files of another program, needs --masks or --detections");
-  t.emplace_back("semantic",
-                 [=, &files]() -> AnyMotionPolicy {
-                   if (!files.model.empty()) return dnn();
-                   if (has_files) return precomputed();
-                   return hog();
-                 },
-                 "dnn, precomputed or hog-people, the first that has its files");
+  t.emplace_back(
+      "semantic",
+      [=, &files]() -> AnyMotionPolicy {
+        if (!files.model.empty()) return dnn();
+        if (has_files) return precomputed();
+        return hog();
+      },
+      "dnn, precomputed or hog-people, the first that has its files");
   return t;
 }
 
@@ -71,9 +72,8 @@ struct MotionFiles {
 /// describes; see policy_expression.hpp.
 /// \param own policies of yours by name; they come before those of apso
 /// Throws contract_error for an expression or name that is wrong, io_error for files that cannot be used.
-[[nodiscard]] inline AnyMotionPolicy motion_by_name(const std::string& expression, const Pinhole& camera,
-                                                    const MotionOptions& options = {}, const MotionFiles& files = {},
-                                                    PolicyTable own = {}) {
+[[nodiscard]] inline AnyMotionPolicy motion_by_name(const std::string& expression, const Pinhole& camera, const MotionOptions& options = {},
+                                                    const MotionFiles& files = {}, PolicyTable own = {}) {
   for (NamedPolicy& entry : motion_table(camera, options, files)) own.push_back(std::move(entry));
   return parse_policy(expression, own);
 }

@@ -21,9 +21,9 @@ namespace opencv {
 
 /// How an image was put into the input of a network: scaled by one factor, then moved, so that it fits.
 struct Letterbox {
-  float scale = 1;    ///< input pixels per image pixel
-  float left = 0;     ///< [input px]
-  float top = 0;      ///< [input px]
+  float scale = 1;  ///< input pixels per image pixel
+  float left = 0;   ///< [input px]
+  float top = 0;    ///< [input px]
   int input_width = 0;
   int input_height = 0;
 
@@ -38,9 +38,7 @@ struct Letterbox {
     return l;
   }
   /// Box in the image of a box in the input.
-  [[nodiscard]] Box to_image(const Box& b) const {
-    return {(b.x - left) / scale, (b.y - top) / scale, b.width / scale, b.height / scale};
-  }
+  [[nodiscard]] Box to_image(const Box& b) const { return {(b.x - left) / scale, (b.y - top) / scale, b.width / scale, b.height / scale}; }
 };
 
 /// Indices of the objects that survive: the best first; others of its class that overlap it by more than `overlap`
@@ -63,8 +61,8 @@ struct Letterbox {
 /// Mask of an object in the size of the image, 255 = object; false when the network gives none.
 /// A YOLO mask is sigmoid(sum of coefficients and prototypes) inside the box, an Rcnn mask is stretched over the box;
 /// both are cut at 0.5.
-[[nodiscard]] inline bool mask_of(const NetworkObjects& found, const NetworkObject& o, const Letterbox& letterbox, int width,
-                                  int height, Image<std::uint8_t>& out) {
+[[nodiscard]] inline bool mask_of(const NetworkObjects& found, const NetworkObject& o, const Letterbox& letterbox, int width, int height,
+                                  Image<std::uint8_t>& out) {
   const Box box = letterbox.to_image(o.box);
   const cv::Rect whole(0, 0, width, height);
   const auto limit = [](float v) { return static_cast<int>(std::clamp(v, -1e6F, 1e6F)); };
@@ -74,7 +72,7 @@ struct Letterbox {
   if (o.coefficients.empty() ? o.mask < 0 || found.masks.empty() : found.prototypes.empty()) return false;
   out.assign(width, height, 0);
   if (r.empty()) return true;
-  cv::Mat value;   // over `sampled`, positive inside
+  cv::Mat value;  // over `sampled`, positive inside
   cv::Mat_<float> map_x(r.size()), map_y(r.size());
   float offset = 0;
   if (!o.coefficients.empty()) {

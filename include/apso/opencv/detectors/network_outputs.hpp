@@ -21,23 +21,21 @@ namespace opencv {
 
 /// Forms of outputs. N boxes, C classes, M mask coefficients.
 enum class NetworkHead {
-  Auto,        ///< found out from the shapes and names
-  YoloRows,    ///< 1 x N x (4 + 1 + C [+ M]): centre, size, objectness, classes (YOLOv5, v7)
-  YoloColumns, ///< 1 x (4 + C [+ M]) x N: centre, size, classes (YOLOv8, v9, 11)
-  YoloEnd,     ///< 1 x N x 6: corners, score, class, after the network's own suppression (YOLOv10)
-  Rcnn         ///< boxes N x 4 (corners), labels N, scores N [, masks N x 1 x h x w]; or 1 x 1 x N x 7 [, N x C x h x w]
+  Auto,         ///< found out from the shapes and names
+  YoloRows,     ///< 1 x N x (4 + 1 + C [+ M]): centre, size, objectness, classes (YOLOv5, v7)
+  YoloColumns,  ///< 1 x (4 + C [+ M]) x N: centre, size, classes (YOLOv8, v9, 11)
+  YoloEnd,      ///< 1 x N x 6: corners, score, class, after the network's own suppression (YOLOv10)
+  Rcnn          ///< boxes N x 4 (corners), labels N, scores N [, masks N x 1 x h x w]; or 1 x 1 x N x 7 [, N x C x h x w]
 };
-constexpr std::array<const char*, 5> enum_names(NetworkHead) {
-  return {"auto", "yolo_rows", "yolo_columns", "yolo_end", "rcnn"};
-}
+constexpr std::array<const char*, 5> enum_names(NetworkHead) { return {"auto", "yolo_rows", "yolo_columns", "yolo_end", "rcnn"}; }
 
 /// One object as a network gives it.
 struct NetworkObject {
-  Box box;                    ///< [input px]
+  Box box;  ///< [input px]
   float score = 0;
   int class_id = 0;
   std::vector<float> coefficients;  ///< of the mask prototypes; empty = no mask
-  int mask = -1;              ///< row of the masks of an Rcnn head; -1 = none
+  int mask = -1;                    ///< row of the masks of an Rcnn head; -1 = none
 };
 
 /// Decoded outputs, before suppression.
@@ -56,7 +54,8 @@ namespace detail {
 [[noreturn]] inline void unknown_outputs(const std::vector<std::string>& names, const std::vector<cv::Mat>& outputs,
                                          const std::string& why) {
   std::string text = "the network has outputs that are not understood (" + why + "):";
-  for (std::size_t i = 0; i < outputs.size(); ++i) text += " '" + names[i] + "' " + shape_of(outputs[i]) + (i + 1 < outputs.size() ? "," : ".");
+  for (std::size_t i = 0; i < outputs.size(); ++i)
+    text += " '" + names[i] + "' " + shape_of(outputs[i]) + (i + 1 < outputs.size() ? "," : ".");
   text +=
       " Understood are: 1 x N x (5+C[+M]) as of YOLOv5 and v7; 1 x (4+C[+M]) x N as of YOLOv8, v9 and 11; either with mask "
       "prototypes 1 x M x h x w; 1 x N x 6 as of YOLOv10; boxes N x 4, labels N, scores N [, masks N x 1 x h x w] as of "
@@ -112,8 +111,8 @@ inline void decode_yolo(const cv::Mat& out, NetworkHead head, int coefficients, 
   }
 }
 
-inline void decode_rcnn(const std::vector<std::string>& names, const std::vector<cv::Mat>& outputs, float input_width,
-                        float input_height, float minimum_score, NetworkObjects& result) {
+inline void decode_rcnn(const std::vector<std::string>& names, const std::vector<cv::Mat>& outputs, float input_width, float input_height,
+                        float minimum_score, NetworkObjects& result) {
   const cv::Mat* boxes = nullptr;
   const cv::Mat* rows7 = nullptr;
   const cv::Mat* labels = nullptr;
@@ -163,8 +162,8 @@ inline void decode_rcnn(const std::vector<std::string>& names, const std::vector
 /// Reads the outputs of a network. Boxes come in pixels of the input. Throws io_error for outputs it does not know, with
 /// their names and shapes and what would be understood.
 /// \param minimum_score objects with less are left out, as are those whose box or class is no number (NaN, infinite, huge)
-[[nodiscard]] inline NetworkObjects decode(const std::vector<std::string>& names, const std::vector<cv::Mat>& outputs,
-                                           NetworkHead head, int input_width, int input_height, float minimum_score) {
+[[nodiscard]] inline NetworkObjects decode(const std::vector<std::string>& names, const std::vector<cv::Mat>& outputs, NetworkHead head,
+                                           int input_width, int input_height, float minimum_score) {
   expects(names.size() == outputs.size(), "decode: one name per output");
   const cv::Mat* rows = nullptr;
   const cv::Mat* prototypes = nullptr;

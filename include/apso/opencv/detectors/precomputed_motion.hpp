@@ -37,8 +37,8 @@ class PrecomputedMotion : public PolicyOperators {
   /// \param detections file or folder, see DetectionLog; may be empty, but not both
   /// \param use counts what could be used, and must outlive the policy; a mask that does not fit is then a problem in it
   /// Throws io_error when nothing usable is there.
-  PrecomputedMotion(const Pinhole& camera, const std::string& masks, const std::string& detections,
-                    const ClassList& classes = {}, FileUse* use = nullptr)
+  PrecomputedMotion(const Pinhole& camera, const std::string& masks, const std::string& detections, const ClassList& classes = {},
+                    FileUse* use = nullptr)
       : camera_(camera), use_(use) {
     expects(!masks.empty() || !detections.empty(), "PrecomputedMotion: needs a folder of masks, or detections");
     if (!masks.empty()) masks_.emplace(masks, std::vector<std::string>{".png", ".jpg", ".bmp", ".pgm"});

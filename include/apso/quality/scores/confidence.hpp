@@ -86,18 +86,27 @@ struct ConfidenceOptions {
   }
   if (n == 0 || (by_area && !(area_sum > 0))) {
     switch (options.without_objects) {
-      case WithoutObjects::Missing: return std::nullopt;
-      case WithoutObjects::Zero: return Quality(0.0);
-      case WithoutObjects::One: return Quality(1.0);
-      case WithoutObjects::Neutral: return Quality(0.5);
+      case WithoutObjects::Missing:
+        return std::nullopt;
+      case WithoutObjects::Zero:
+        return Quality(0.0);
+      case WithoutObjects::One:
+        return Quality(1.0);
+      case WithoutObjects::Neutral:
+        return Quality(0.5);
     }
   }
   switch (options.aggregation) {
-    case ConfidenceAggregation::Mean: return Quality(sum / n);
-    case ConfidenceAggregation::AreaWeighted: return Quality(area_weighted / area_sum);
-    case ConfidenceAggregation::Min: return Quality(minimum);
-    case ConfidenceAggregation::GeometricMean: return Quality(std::exp(log_sum / n));
-    case ConfidenceAggregation::NoisyOr: return Quality(1 - all_wrong);
+    case ConfidenceAggregation::Mean:
+      return Quality(sum / n);
+    case ConfidenceAggregation::AreaWeighted:
+      return Quality(area_weighted / area_sum);
+    case ConfidenceAggregation::Min:
+      return Quality(minimum);
+    case ConfidenceAggregation::GeometricMean:
+      return Quality(std::exp(log_sum / n));
+    case ConfidenceAggregation::NoisyOr:
+      return Quality(1 - all_wrong);
   }
   return std::nullopt;
 }

@@ -88,13 +88,11 @@ template <class Sigma>
       }
       // the centre is a ninth value and lies inside the band
       consistent += static_cast<int>(valid >= 5 && 2 * above <= valid + 1 && 2 * below <= valid + 1);
-      if (valid == 8 || (depth_valid(n[0], range) && depth_valid(n[1], range) && depth_valid(n[2], range) &&
-                         depth_valid(n[3], range))) {
+      if (valid == 8 || (depth_valid(n[0], range) && depth_valid(n[1], range) && depth_valid(n[2], range) && depth_valid(n[3], range))) {
         ++crosses;
         const float rho = 1 / z;
         const float limit = 3 * 2.44948974F * sz * rho * rho;
-        smooth += static_cast<int>(std::abs(1 / n[0] - 2 * rho + 1 / n[1]) <= limit &&
-                                   std::abs(1 / n[2] - 2 * rho + 1 / n[3]) <= limit);
+        smooth += static_cast<int>(std::abs(1 / n[0] - 2 * rho + 1 / n[1]) <= limit && std::abs(1 / n[2] - 2 * rho + 1 / n[3]) <= limit);
       }
     }
   }
@@ -110,9 +108,11 @@ template <class Sigma>
 [[nodiscard]] inline DepthScore depth_score(const AnyImage& depth, const DepthQualityOptions& options, const DepthRange& range,
                                             std::vector<float>& scratch) {
   if (options.noise == DepthNoise::Nguyen) {
-    return depth_score_by(depth, range, [](float z) { return 0.0012F + 0.0019F * (z - 0.4F) * (z - 0.4F); }, scratch);
+    return depth_score_by(
+        depth, range, [](float z) { return 0.0012F + 0.0019F * (z - 0.4F) * (z - 0.4F); }, scratch);
   }
-  return depth_score_by(depth, range, [](float z) { return depth_sigma(z); }, scratch);
+  return depth_score_by(
+      depth, range, [](float z) { return depth_sigma(z); }, scratch);
 }
 /// The same with working memory of its own.
 [[nodiscard]] inline DepthScore depth_score(const AnyImage& depth, const DepthQualityOptions& options = {}, const DepthRange& range = {}) {

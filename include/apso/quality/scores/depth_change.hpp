@@ -35,8 +35,8 @@ inline constexpr double kFullDepthOverlap = 0.5;
 
 /// Every fourth pixel of a depth image both ways; 0 where the depth is invalid or the pixel dynamic.
 struct DepthSamples {
-  Image<float> depth;  ///< [m]
-  int valid = 0;       ///< samples that are not 0
+  Image<float> depth;    ///< [m]
+  int valid = 0;         ///< samples that are not 0
   bool present = false;  ///< false: there was no depth image
 };
 
@@ -87,8 +87,7 @@ struct DepthChangeMeasure {
 };
 
 /// S_dc of the measured numbers: 1 - rho_v exp(-(mean / s_mu + spread / s_sigma) / 2).
-[[nodiscard]] inline Deviation depth_deviation(double mean, double spread, double overlap,
-                                               const DepthChangeOptions& options = {}) {
+[[nodiscard]] inline Deviation depth_deviation(double mean, double spread, double overlap, const DepthChangeOptions& options = {}) {
   return Deviation(1.0 - overlap * std::exp(-0.5 * (mean / options.scale_mean + spread / options.scale_spread)));
 }
 
@@ -164,9 +163,7 @@ struct DepthChange {
     measured = {m.mean, m.spread, m.overlap};
     return m.score;
   }
-  static std::string reason(Deviation, const Measured& m) {
-    return "depth differs by " + std::to_string(std::lround(100 * m.mean)) + " %";
-  }
+  static std::string reason(Deviation, const Measured& m) { return "depth differs by " + std::to_string(std::lround(100 * m.mean)) + " %"; }
   /// The score that other options would have given.
   static Deviation revalue(const Measured& m, const Options& o) { return depth_deviation(m.mean, m.spread, m.overlap, o); }
   /// Finds the scales on calm frames.

@@ -44,8 +44,8 @@ struct DetectionScratch {
 /// both over the larger count; 0 when both frames are empty. Objects of one class are matched one to one, greedily
 /// in the order of falling overlap. Time and memory grow with the product of the counts; in an assessor the kMaxObjects objects of
 /// the highest scores count.
-[[nodiscard]] inline DetectionMeasure detection_change(const std::vector<Detection>& reference,
-                                                       const std::vector<Detection>& current, DetectionScratch& scratch) {
+[[nodiscard]] inline DetectionMeasure detection_change(const std::vector<Detection>& reference, const std::vector<Detection>& current,
+                                                       DetectionScratch& scratch) {
   DetectionMeasure r;
   r.reference_count = static_cast<int>(reference.size());
   r.current_count = static_cast<int>(current.size());

@@ -36,15 +36,27 @@ struct FeatureScore {
                    : clamp01(m.median_response / (m.median_response + kHalfSaturation));
   }
   switch (options.uniformity) {
-    case Uniformity::EntropyOccupancy: s.S_unif = 0.5 * (m.entropy + m.occupancy); break;
-    case Uniformity::Participation: s.S_unif = m.participation; break;
+    case Uniformity::EntropyOccupancy:
+      s.S_unif = 0.5 * (m.entropy + m.occupancy);
+      break;
+    case Uniformity::Participation:
+      s.S_unif = m.participation;
+      break;
     case Uniformity::Coverage:
-    case Uniformity::Covering: s.S_unif = m.spread; break;
+    case Uniformity::Covering:
+      s.S_unif = m.spread;
+      break;
   }
   switch (options.form) {
-    case FeatureForm::Geometric: s.score = Quality(std::sqrt(s.S_cnt * s.S_resp * s.S_unif)); break;
-    case FeatureForm::Gated: s.score = Quality(std::sqrt(s.S_cnt) * (0.4 * s.S_resp + 0.6 * s.S_unif)); break;
-    case FeatureForm::Linear: s.score = Quality(0.3 * s.S_cnt + 0.3 * s.S_resp + 0.4 * s.S_unif); break;
+    case FeatureForm::Geometric:
+      s.score = Quality(std::sqrt(s.S_cnt * s.S_resp * s.S_unif));
+      break;
+    case FeatureForm::Gated:
+      s.score = Quality(std::sqrt(s.S_cnt) * (0.4 * s.S_resp + 0.6 * s.S_unif));
+      break;
+    case FeatureForm::Linear:
+      s.score = Quality(0.3 * s.S_cnt + 0.3 * s.S_resp + 0.4 * s.S_unif);
+      break;
   }
   return s;
 }
@@ -62,12 +74,12 @@ struct Feature {
   struct Measured {
     FeatureMeasure features;
     SharpnessMeasure sharpness;
-    double static_keypoints = 0;    ///< N
-    double S_cnt = 0;               ///< count, [0,1]
-    double S_resp = 0;              ///< response strength, [0,1]
-    double S_unif = 0;              ///< uniformity, [0,1]
+    double static_keypoints = 0;                                ///< N
+    double S_cnt = 0;                                           ///< count, [0,1]
+    double S_resp = 0;                                          ///< response strength, [0,1]
+    double S_unif = 0;                                          ///< uniformity, [0,1]
     double S_sharp = std::numeric_limits<double>::quiet_NaN();  ///< sharpness, [0,1]; NaN without an intensity image
-    double response_reference = 0;  ///< s_ref, with its floor
+    double response_reference = 0;                              ///< s_ref, with its floor
     template <class Self, class V>
     static void columns(Self& m, V&& column) {
       column("keypoints_static", m.static_keypoints);

@@ -32,9 +32,7 @@ enum class Uniformity {
   Coverage,          ///< harmonic mean distance, see coverage_spread; slow
   Covering           ///< suppression by square covering, see covering_spread
 };
-constexpr std::array<const char*, 4> enum_names(Uniformity) {
-  return {"entropy_occupancy", "participation", "coverage", "covering"};
-}
+constexpr std::array<const char*, 4> enum_names(Uniformity) { return {"entropy_occupancy", "participation", "coverage", "covering"}; }
 
 /// How count, response and uniformity are combined.
 enum class FeatureForm {
@@ -165,9 +163,8 @@ inline double find_static_cells(const AnyImage& dynamic_probability, int width, 
 
 /// Counts the static keypoints, their responses and their spread over the grid.
 /// \param dynamic_probability map of the image's size, or empty: everything is static
-[[nodiscard]] inline FeatureMeasure measure_features(const std::vector<Keypoint>& keypoints, const AnyImage& dynamic_probability,
-                                                     int width, int height, const FeatureOptions& options,
-                                                     FeatureScratch& scratch) {
+[[nodiscard]] inline FeatureMeasure measure_features(const std::vector<Keypoint>& keypoints, const AnyImage& dynamic_probability, int width,
+                                                     int height, const FeatureOptions& options, FeatureScratch& scratch) {
   expects(width > 0 && height > 0, "measure_features: empty image");
   FeatureMeasure m;
   constexpr std::size_t cells = std::size_t{kFeatureGridX} * kFeatureGridY;

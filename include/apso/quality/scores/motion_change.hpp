@@ -71,9 +71,9 @@ struct MotionScratch {
 /// \param reference_points how many points the reference had
 /// \param scale            s_m [image diagonals]
 /// \param predicted        the camera's own flow at each correspondence, for FlowKind::PosePredicted; the other kinds find it here
-[[nodiscard]] inline MotionMeasure motion_change(const std::vector<Correspondence>& matches, int reference_points, int width,
-                                                 int height, const MotionChangeOptions& options, double scale,
-                                                 MotionScratch& scratch, const std::vector<PlanarFlow>* predicted = nullptr) {
+[[nodiscard]] inline MotionMeasure motion_change(const std::vector<Correspondence>& matches, int reference_points, int width, int height,
+                                                 const MotionChangeOptions& options, double scale, MotionScratch& scratch,
+                                                 const std::vector<PlanarFlow>* predicted = nullptr) {
   expects(width > 0 && height > 0 && scale > 0, "motion_change: empty image or scale <= 0");
   MotionMeasure r;
   const double diagonal = std::sqrt(static_cast<double>(width) * width + static_cast<double>(height) * height);
@@ -142,8 +142,8 @@ struct MotionChange {
   using Value = Deviation;
   using Options = MotionChangeOptions;
   struct Measured {
-    double flow = 0;     ///< mean of m_point and m_grid [image diagonals]
-    double overlap = 0;  ///< rho_t, [0,1]
+    double flow = 0;           ///< mean of m_point and m_grid [image diagonals]
+    double overlap = 0;        ///< rho_t, [0,1]
     int tracks = 0;            ///< points followed since the other frame
     int reference_points = 0;  ///< points the other frame had
     template <class Self, class V>
@@ -203,15 +203,15 @@ struct MotionChange {
       if (from->id != p.id) continue;
       matches_.push_back({from->x, from->y, p.x, p.y});
       if (by_pose) {
-        predicted_.push_back(flow_of_poses(T_current_reference, frames.camera, static_cast<double>(from->x),
-                                           static_cast<double>(from->y), static_cast<double>(from->depth)));
+        predicted_.push_back(flow_of_poses(T_current_reference, frames.camera, static_cast<double>(from->x), static_cast<double>(from->y),
+                                           static_cast<double>(from->depth)));
       }
     }
     const double scale = frames.baseline == ChangeBaseline::Reference ? options.scale : options.scale_previous;
     const auto usable = [by_pose](const Memory::Point& p) { return !by_pose || p.depth > 0; };
     const auto points = static_cast<int>(std::count_if(r.points.begin(), r.points.end(), usable));
-    const MotionMeasure m = motion_change(matches_, points, frames.camera.width, frames.camera.height,
-                                          options, scale, scratch_, by_pose ? &predicted_ : nullptr);
+    const MotionMeasure m = motion_change(matches_, points, frames.camera.width, frames.camera.height, options, scale, scratch_,
+                                          by_pose ? &predicted_ : nullptr);
     measured = {0.5 * (m.m_point + m.m_grid), m.overlap, m.tracks, points};
     return m.score;
   }

@@ -97,9 +97,7 @@ struct SharpnessMeasure {
 /// S_sharp: 1 for what is typical here, falling with the blur of the worse direction.
 /// \param typical_x,typical_y ratios of earlier frames; never taken as less than kMinimumTypicalRatio
 [[nodiscard]] inline Quality sharpness_score(const SharpnessMeasure& m, double typical_x, double typical_y) {
-  const auto share = [](double ratio, double typical) {
-    return ratio / (kFullSharpness * std::max(kMinimumTypicalRatio, typical));
-  };
+  const auto share = [](double ratio, double typical) { return ratio / (kFullSharpness * std::max(kMinimumTypicalRatio, typical)); };
   return Quality(std::min(share(m.ratio_x, typical_x), share(m.ratio_y, typical_y)));
 }
 

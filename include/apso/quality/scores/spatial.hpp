@@ -21,9 +21,7 @@ enum class SpatialForm {
   BackgroundAvailability,  ///< share of the centre-weighted image that no object hides; 1 without objects
   ObjectObservability      ///< how well the objects themselves are seen; missing without objects
 };
-constexpr std::array<const char*, 2> enum_names(SpatialForm) {
-  return {"background_availability", "object_observability"};
-}
+constexpr std::array<const char*, 2> enum_names(SpatialForm) { return {"background_availability", "object_observability"}; }
 
 struct SpatialOptions {
   SpatialForm form = SpatialForm::BackgroundAvailability;
@@ -70,9 +68,8 @@ inline void cover_blocks(const Detection& d, int width, int height, int block, i
         }
         covered = static_cast<float>(n);
       } else {
-        covered = b.intersect({static_cast<float>(u0), static_cast<float>(v0), static_cast<float>(u1 - u0),
-                               static_cast<float>(v1 - v0)})
-                      .area();
+        covered =
+            b.intersect({static_cast<float>(u0), static_cast<float>(v0), static_cast<float>(u1 - u0), static_cast<float>(v1 - v0)}).area();
       }
       float& o = occupancy[static_cast<std::size_t>(by) * static_cast<std::size_t>(nx) + static_cast<std::size_t>(bx)];
       o = std::max(o, covered / static_cast<float>((u1 - u0) * (v1 - v0)));
@@ -89,8 +86,7 @@ inline MaybeQuality object_observability(const std::vector<Detection>& objects, 
   for (const Detection& d : objects) {
     if (!d.movable) continue;
     const double whole = static_cast<double>(d.box.area());
-    const double seen = static_cast<double>(
-        d.box.intersect({0, 0, static_cast<float>(width), static_cast<float>(height)}).area());
+    const double seen = static_cast<double>(d.box.intersect({0, 0, static_cast<float>(width), static_cast<float>(height)}).area());
     ++n;
     if (!(whole > 0) || !std::isfinite(whole) || !std::isfinite(seen)) continue;  // scores 0
     const double a = seen / (w * h);
@@ -110,9 +106,8 @@ inline MaybeQuality object_observability(const std::vector<Detection>& objects, 
 /// half diagonal; evaluated on blocks. Only movable objects count.
 /// \param kappa   width of the centre weight in half diagonals, infinity = uniform
 /// \param scratch working memory, reused from call to call
-[[nodiscard]] inline MaybeQuality spatial_score(const std::vector<Detection>& objects, int width, int height,
-                                                const SpatialOptions& options, std::vector<float>& scratch,
-                                                double kappa = kCentreWeightWidth) {
+[[nodiscard]] inline MaybeQuality spatial_score(const std::vector<Detection>& objects, int width, int height, const SpatialOptions& options,
+                                                std::vector<float>& scratch, double kappa = kCentreWeightWidth) {
   expects(width > 0 && height > 0, "spatial_score: empty image");
   if (options.form == SpatialForm::ObjectObservability) {
     return detail::object_observability(objects, width, height);

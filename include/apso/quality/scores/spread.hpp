@@ -28,16 +28,14 @@ APSO_NAMESPACE_BEGIN
     }
   }
   const double n = static_cast<double>(points.size());
-  const double half_diagonal =
-      0.5 * std::sqrt(static_cast<double>(width) * width + static_cast<double>(height) * height);
+  const double half_diagonal = 0.5 * std::sqrt(static_cast<double>(width) * width + static_cast<double>(height) * height);
   return clamp01(0.5 * n * (n - 1) / inverse / half_diagonal);
 }
 
 /// Points that stay when, from the strongest down, each forbids others less than r pixels away (in x and in y).
 /// \param points by falling response
 /// \param kept   working memory
-[[nodiscard]] inline int square_covering(const std::vector<Keypoint>& points, double r, int width, int height,
-                                         std::vector<int>& kept) {
+[[nodiscard]] inline int square_covering(const std::vector<Keypoint>& points, double r, int width, int height, std::vector<int>& kept) {
   const int nx = static_cast<int>(width / r) + 3;
   const int ny = static_cast<int>(height / r) + 3;
   kept.assign(static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny), -1);  // a cell of side r holds at most one
@@ -56,8 +54,7 @@ APSO_NAMESPACE_BEGIN
       }
     }
     if (!free) continue;
-    kept[static_cast<std::size_t>(cy) * static_cast<std::size_t>(nx) + static_cast<std::size_t>(cx)] =
-        static_cast<int>(i);
+    kept[static_cast<std::size_t>(cy) * static_cast<std::size_t>(nx) + static_cast<std::size_t>(cx)] = static_cast<int>(i);
     ++n;
   }
   return n;
@@ -67,11 +64,10 @@ APSO_NAMESPACE_BEGIN
 /// [0,1]. 0 for fewer than two points.
 /// \param points are sorted by falling response
 /// \param area   of the image that may hold points [px^2]
-[[nodiscard]] inline double covering_spread(std::vector<Keypoint>& points, int n_ref, double area, int width,
-                                            int height, std::vector<int>& kept) {
+[[nodiscard]] inline double covering_spread(std::vector<Keypoint>& points, int n_ref, double area, int width, int height,
+                                            std::vector<int>& kept) {
   if (points.size() < 2 || !(area > 0)) return 0;
-  std::stable_sort(points.begin(), points.end(),
-                   [](const Keypoint& a, const Keypoint& b) { return a.response > b.response; });
+  std::stable_sort(points.begin(), points.end(), [](const Keypoint& a, const Keypoint& b) { return a.response > b.response; });
   const double n = std::min(static_cast<double>(points.size()), static_cast<double>(n_ref));
   const double largest = std::sqrt(area / n);
   double low = 0;

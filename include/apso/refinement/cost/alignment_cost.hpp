@@ -44,8 +44,8 @@ class AlignmentCost {
   /// \param kernel,noise must outlive all other calls
   /// \param adaptive the kernel is Barron's with the alpha that the residuals ask for
   /// \return false if no reference remains
-  bool begin(const std::vector<AlignmentReference>& references, const FramePyramid& current, const KernelRef& kernel,
-             const NoiseRef& noise, bool adaptive) {
+  bool begin(const std::vector<AlignmentReference>& references, const FramePyramid& current, const KernelRef& kernel, const NoiseRef& noise,
+             bool adaptive) {
     expects(!current.empty(), "DirectAligner: the current pyramid was not built");
     expects(!current.level(0).texture.empty(), "DirectAligner: the current pyramid was prepared as reference only");
     current_ = &current;
@@ -122,9 +122,7 @@ class AlignmentCost {
   }
 
   /// One pass over all pixels: the sums that costs and equations are made of.
-  void sum(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor) {
-    pass(T_camera_world, buffer, executor, 1, true);
-  }
+  void sum(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor) { pass(T_camera_world, buffer, executor, 1, true); }
   /// H with the rows of the reference, and with those of both images, sum q a_reference a_current^T (solver/pose_information.hpp), at the
   /// accepted pose: both of the same tiles, a third of all, and brought to the size of all.
   struct SharedInformation {
@@ -281,8 +279,8 @@ class AlignmentCost {
   [[nodiscard]] Warper warper(const CostTerm& t, const Pose& T_camera_world, bool rows_of_current = false) const {
     WarpOptions options = options_.warp;
     options.esm = options.esm && level_ > 0;
-    return Warper(current(level_), compose(T_camera_world, t.T_world_reference), t.light, options, gate_factor_,
-                  current_->background(), rows_of_current);
+    return Warper(current(level_), compose(T_camera_world, t.T_world_reference), t.light, options, gate_factor_, current_->background(),
+                  rows_of_current);
   }
 
   // At the level that was entered, with the brightness as it is.
@@ -330,8 +328,8 @@ class AlignmentCost {
 
   AlignmentOptions options_;
   const FramePyramid* current_ = nullptr;
-  int level_ = 0;   // counted from finest_
-  int finest_ = 0;  // halvings of the finest level that all frames have
+  int level_ = 0;          // counted from finest_
+  int finest_ = 0;         // halvings of the finest level that all frames have
   float gate_factor_ = 1;  // of the level
   std::size_t used_ = 0;   // terms of this call
   std::vector<CostTerm> terms_;

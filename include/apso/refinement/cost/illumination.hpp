@@ -81,8 +81,8 @@ struct IntensityPairs {
 /// \param residuals of the pairs under `light`, divided by sigma; brought up to date
 /// \param sorted scratch
 /// \param light where to start; unchanged if the line is not plausible (gain outside [0.3, 3])
-inline void fit_illumination(const IntensityPairs& pairs, double floor, std::vector<float>& residuals,
-                             std::vector<float>& sorted, Illumination& light) {
+inline void fit_illumination(const IntensityPairs& pairs, double floor, std::vector<float>& residuals, std::vector<float>& sorted,
+                             Illumination& light) {
   constexpr double kPrior = 100;  // 1 / 0.1^2
   sorted = residuals;
   const double scale = std::max(floor, mad_scale_in_place(sorted)) * 2.3849;

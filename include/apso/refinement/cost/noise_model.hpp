@@ -7,7 +7,8 @@
 /// \code
 /// struct ConstantNoise {
 ///   template <class T> T squared_weight_intensity(const apso::NoiseInput<T>&) const { return T(1 / (.02 * .02)); }
-///   template <class T> T squared_weight_depth(const apso::NoiseInput<T>& p) const { return T(1 / (.01 * .01)) / (p.z_current * p.z_current); }
+///   template <class T> T squared_weight_depth(const apso::NoiseInput<T>& p) const { return T(1 / (.01 * .01)) / (p.z_current *
+///   p.z_current); }
 /// };
 /// \endcode
 ///
@@ -48,12 +49,12 @@ struct NoiseOptions {
 /// What is known about a warped pixel when its residual is weighed. The gradient is that of the reference.
 template <class T>
 struct NoiseInput {
-  T residual;   ///< r_I [0,1] or r_D [m]
-  T gradient2;  ///< |grad I|^2 [1/px^2] or |grad Z|^2 [m^2/px^2]; < 0 where there is none to go by
-  T z_current;  ///< depth that was looked up, Z_c(u) [m]
-  T z_warped;   ///< depth of the warped point, Y_z [m]
-  T row_x, row_y;              ///< first two elements of the row of the Jacobian, f/Z times the gradient
-  T z_reference, fx, fy;       ///< depth of the point in its own frame [m]; focal lengths [px]
+  T residual;             ///< r_I [0,1] or r_D [m]
+  T gradient2;            ///< |grad I|^2 [1/px^2] or |grad Z|^2 [m^2/px^2]; < 0 where there is none to go by
+  T z_current;            ///< depth that was looked up, Z_c(u) [m]
+  T z_warped;             ///< depth of the warped point, Y_z [m]
+  T row_x, row_y;         ///< first two elements of the row of the Jacobian, f/Z times the gradient
+  T z_reference, fx, fy;  ///< depth of the point in its own frame [m]; focal lengths [px]
   [[nodiscard]] T gradient_x() const { return row_x * (z_reference / fx); }  ///< [1/px] or [m/px]
   [[nodiscard]] T gradient_y() const { return row_y * (z_reference / fy); }
 };
@@ -97,14 +98,15 @@ struct has_squared_weight_intensity : std::false_type {};
 template <class N, class T>
 struct has_squared_weight_intensity<
     N, T,
-    std::enable_if_t<std::is_convertible_v<decltype(std::declval<const N&>().squared_weight_intensity(std::declval<const NoiseInput<T>&>())), T>>>
+    std::enable_if_t<
+        std::is_convertible_v<decltype(std::declval<const N&>().squared_weight_intensity(std::declval<const NoiseInput<T>&>())), T>>>
     : std::true_type {};
 template <class N, class T, class = void>
 struct has_squared_weight_depth : std::false_type {};
 template <class N, class T>
-struct has_squared_weight_depth<
-    N, T,
-    std::enable_if_t<std::is_convertible_v<decltype(std::declval<const N&>().squared_weight_depth(std::declval<const NoiseInput<T>&>())), T>>>
+struct has_squared_weight_depth<N, T,
+                                std::enable_if_t<std::is_convertible_v<
+                                    decltype(std::declval<const N&>().squared_weight_depth(std::declval<const NoiseInput<T>&>())), T>>>
     : std::true_type {};
 }  // namespace detail
 

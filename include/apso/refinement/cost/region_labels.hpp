@@ -29,8 +29,7 @@ class RegionLabels {
 
   /// \param tiles sums at the present pose, `places` the tiles themselves
   /// \param charge cost of a lost pixel of weight 1, and `charge_weight` what it adds to the divisor
-  void update(const std::vector<TileSums>& tiles, const std::vector<PixelList::Tile>& places, double charge,
-              double charge_weight) {
+  void update(const std::vector<TileSums>& tiles, const std::vector<PixelList::Tile>& places, double charge, double charge_weight) {
     sorted_.clear();
     means_.resize(tiles.size());
     double total = 0;
@@ -59,8 +58,8 @@ class RegionLabels {
   }
 
  private:
-  static constexpr double kCut = 3;     // a tile with this many times the typical cost counts half
-  static constexpr float kPower = 4.0F; // how sharp the cut is
+  static constexpr double kCut = 3;      // a tile with this many times the typical cost counts half
+  static constexpr float kPower = 4.0F;  // how sharp the cut is
   struct Entry {
     double cost, weight;
   };

@@ -77,8 +77,8 @@ struct SampledResiduals {
 class ResidualSamples {
  public:
   SampledResiduals intensity, depth;
-  IntensityPairs pairs;                                ///< of the photometric residuals, in their order
-  std::vector<float> joint_intensity, joint_depth;     ///< of the pixels with residuals of both kinds; only if asked for
+  IntensityPairs pairs;                             ///< of the photometric residuals, in their order
+  std::vector<float> joint_intensity, joint_depth;  ///< of the pixels with residuals of both kinds; only if asked for
 
   /// Takes about `most` pixels of the list.
   void take(const PixelList& list, const Warper& warper, const NoiseRef& noise, int most, bool joint, const ExecutorRef& executor) {

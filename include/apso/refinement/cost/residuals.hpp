@@ -42,13 +42,13 @@ inline constexpr float kGateGrowth = 5.0F;
 
 /// What became of the warped pixels.
 struct WarpCounts {
-  int selected = 0;      ///< pixels of the reference
-  int valid = 0;         ///< seen in the current image
-  int valid_depth = 0;   ///< of these, gave a depth residual
-  int out_of_view = 0;   ///< left the image or came too near
-  int occluded = 0;      ///< something stands in front
-  int disoccluded = 0;   ///< the surface is gone, something farther is seen
-  int masked = 0;        ///< fell on a pixel of weight 0
+  int selected = 0;     ///< pixels of the reference
+  int valid = 0;        ///< seen in the current image
+  int valid_depth = 0;  ///< of these, gave a depth residual
+  int out_of_view = 0;  ///< left the image or came too near
+  int occluded = 0;     ///< something stands in front
+  int disoccluded = 0;  ///< the surface is gone, something farther is seen
+  int masked = 0;       ///< fell on a pixel of weight 0
   WarpCounts& operator+=(const WarpCounts& o) {
     selected += o.selected;
     valid += o.valid;
@@ -136,7 +136,7 @@ class Warper {
     const Lanes y = to_float(to_int(v));
     const Lanes a = u - x;
     const Lanes b = v - y;
-    const IntLanes offset = to_int(y * row_ + (x + x));  // exact: an image has less than 2^23 pixels
+    const IntLanes offset = to_int(y * row_ + (x + x));        // exact: an image has less than 2^23 pixels
     const Quad p = load_quads(texture_, offset);               // I Z I Z of the upper two pixels
     const Quad q = load_quads(texture_ + 2 * width_, offset);  // and of the lower two
     const Lanes top = p.c[2] - p.c[0];
@@ -183,12 +183,11 @@ class Warper {
     o.D[1] = field(P::kD1);
     o.D[2] = field(P::kD2);
     // the gradients once more from the rows of the Jacobian: a_0 = f_x/Z g_x, a_1 = f_y/Z g_y
-    o.inverse_intensity = noise.squared_weight_intensity(
-        NoiseInput<Lanes>{o.residual_intensity, gi2, Z, Y2, o.I[0], o.I[1], o.X[2], fx_, fy_});
-    o.inverse_depth =
-        noise.squared_weight_depth(NoiseInput<Lanes>{o.residual_depth, gz2, Z, Y2, o.D[0], o.D[1], o.X[2], fx_, fy_});
+    o.inverse_intensity =
+        noise.squared_weight_intensity(NoiseInput<Lanes>{o.residual_intensity, gi2, Z, Y2, o.I[0], o.I[1], o.X[2], fx_, fy_});
+    o.inverse_depth = noise.squared_weight_depth(NoiseInput<Lanes>{o.residual_depth, gz2, Z, Y2, o.D[0], o.D[1], o.X[2], fx_, fy_});
     if (!esm_ && !rows_of_current_) return;
-    const auto row = [&](const Lanes& du, const Lanes& dv, Lanes (&to)[3], const Lanes& e_z) {  // R^T (J_pi^T grad - e_z)
+    const auto row = [&](const Lanes& du, const Lanes& dv, Lanes(&to)[3], const Lanes& e_z) {  // R^T (J_pi^T grad - e_z)
       const Lanes c0 = du * (fx_ * iz);
       const Lanes c1 = dv * (fy_ * iz);
       const Lanes c2 = Lanes(0.0F) - (c0 * Y0 + c1 * Y1) * iz - e_z;
@@ -216,8 +215,7 @@ class Warper {
   const Plane* gamma_;
   int width_;
   Lanes R_[3][3], t_[3];
-  Lanes fx_, fy_, cx_, cy_, u_max_, v_max_, row_, z_near_, gate_, gate_relative_, spread_, background_, gain_,
-      offset_;
+  Lanes fx_, fy_, cx_, cy_, u_max_, v_max_, row_, z_near_, gate_, gate_relative_, spread_, background_, gain_, offset_;
   bool esm_, rows_of_current_;
 };
 

@@ -32,8 +32,8 @@ struct TermScales {
   double alpha = 1;            ///< photometric term against depth term
   AlphaPlace place = AlphaPlace::Outside;
   ScaleCoupling coupling = ScaleCoupling::Separate;
-  double slope = 0;            ///< BivariateT: photometric residual that goes with a depth residual of 1, both in units of the noise
-                               ///< model; scale_intensity is the spread about it
+  double slope = 0;  ///< BivariateT: photometric residual that goes with a depth residual of 1, both in units of the noise
+                     ///< model; scale_intensity is the spread about it
 
   /// Factor on C of the photometric residual.
   [[nodiscard]] double term_weight() const { return place == AlphaPlace::Inside ? 1.0 : alpha * alpha; }

@@ -21,13 +21,13 @@ struct WarpedPixels {
     Lanes weight_intensity, weight_depth, lost;  ///< gamma, as in WarpedLanes
     Lanes inverse_intensity, inverse_depth;      ///< 1 / variance
     Lanes residual_intensity, residual_depth;
-    Lanes I[3];                                  ///< photometric row; the depth row is in the list
-    Lanes D[3];                                  ///< depth row of the current image, only if the warper gives it
-    Lanes current;                               ///< I_c(u)
+    Lanes I[3];     ///< photometric row; the depth row is in the list
+    Lanes D[3];     ///< depth row of the current image, only if the warper gives it
+    Lanes current;  ///< I_c(u)
   };
   Group groups[kGroups];
-  Lanes s2[2 * kGroups];  ///< squared standardised residuals, of intensity and depth in turn; the kernel makes weights of them
-  Lanes rho[2 * kGroups]; ///< their costs
+  Lanes s2[2 * kGroups];   ///< squared standardised residuals, of intensity and depth in turn; the kernel makes weights of them
+  Lanes rho[2 * kGroups];  ///< their costs
 };
 
 /// What became of the pixels of all blocks so far, as minus the number in each lane.

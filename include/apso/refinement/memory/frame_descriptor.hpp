@@ -50,8 +50,7 @@ class DepthDescriber {
  public:
   /// \param depth [m]
   /// \param dynamic_probability any image of the size of the depth, or none
-  [[nodiscard]] DepthGrid operator()(const AnyImage& depth, const AnyImage& dynamic_probability = {},
-                                     const DepthRange& range = {}) {
+  [[nodiscard]] DepthGrid operator()(const AnyImage& depth, const AnyImage& dynamic_probability = {}, const DepthRange& range = {}) {
     const int w = depth.width();
     const int h = depth.height();
     const bool masked = !dynamic_probability.empty();
@@ -97,8 +96,7 @@ class DepthDescriber {
 
 /// The depth grid of one image.
 template <class DepthT, class ProbabilityT = None>
-[[nodiscard]] DepthGrid depth_grid(const DepthT& depth, const ProbabilityT& dynamic_probability = none,
-                                   const DepthRange& range = {}) {
+[[nodiscard]] DepthGrid depth_grid(const DepthT& depth, const ProbabilityT& dynamic_probability = none, const DepthRange& range = {}) {
   return DepthDescriber()(AnyImage(depth), AnyImage(dynamic_probability), range);
 }
 

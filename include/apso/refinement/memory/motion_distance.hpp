@@ -12,8 +12,8 @@ APSO_NAMESPACE_BEGIN
 
 /// Units of a motion between two frames. Direct alignment from an initial guess that is off by 0.65 of them nearly always
 /// succeeds, by 1.2 in about 70 % of cases (without pre-alignment and other starts).
-inline constexpr double kMotionSigmaTranslation = 0.15;        ///< [m]
-inline constexpr double kMotionSigmaRotation = 10 * kDegree;   ///< [rad]
+inline constexpr double kMotionSigmaTranslation = 0.15;       ///< [m]
+inline constexpr double kMotionSigmaRotation = 10 * kDegree;  ///< [rad]
 
 /// Length of a motion, dimensionless: sqrt(|v|^2 / sigma_t^2 + |w|^2 / sigma_r^2).
 [[nodiscard]] inline double motion_distance(const Twist& motion) {

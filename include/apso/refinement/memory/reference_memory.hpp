@@ -43,14 +43,14 @@ enum class DecayForm {
 constexpr std::array<const char*, 2> enum_names(DecayForm) { return {"age", "printed"}; }
 
 struct MemoryOptions {
-  int capacity = 20;           ///< frames kept; as many as the geometry database of DynaSLAM
-  double th_keyframes = 1.2;   ///< largest distance of a reference, dimensionless; see motion_distance()
-  int references = 3;          ///< K of eq. (16): most references at once
-  double decay = 0.5;          ///< lambda of eq. (16) [1/s]
+  int capacity = 20;          ///< frames kept; as many as the geometry database of DynaSLAM
+  double th_keyframes = 1.2;  ///< largest distance of a reference, dimensionless; see motion_distance()
+  int references = 3;         ///< K of eq. (16): most references at once
+  double decay = 0.5;         ///< lambda of eq. (16) [1/s]
   DistanceForm form = DistanceForm::Euclidean;
   MotionForm motion = MotionForm::RelativePose;
   DecayForm decay_form = DecayForm::Age;
-  bool previous = true;        ///< the frame before is one more reference (see kPreviousWeight); the paper has stored ones only
+  bool previous = true;  ///< the frame before is one more reference (see kPreviousWeight); the paper has stored ones only
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("capacity", s.capacity, 1, 1000);
@@ -97,11 +97,11 @@ class ReferenceMemory {
     FramePyramid pyramid;  ///< selected pixels only
   };
   struct Selection {
-    std::vector<AlignmentReference> references;  ///< nearest first
-    std::vector<std::int64_t> ids;               ///< of the same; -1 = the frame before, which is not stored
+    std::vector<AlignmentReference> references;                 ///< nearest first
+    std::vector<std::int64_t> ids;                              ///< of the same; -1 = the frame before, which is not stored
     double distance = std::numeric_limits<double>::infinity();  ///< of the nearest
-    bool far_reference = false;                  ///< none was near enough, the nearest is used all the same
-    bool masked = false;                         ///< a mask of some reference carries information
+    bool far_reference = false;                                 ///< none was near enough, the nearest is used all the same
+    bool masked = false;                                        ///< a mask of some reference carries information
 
     void clear() {
       references.clear();
@@ -214,8 +214,7 @@ class ReferenceMemory {
     int nearest = -1;  // in time
     for (int i = 0; i < size(); ++i) {
       if (std::abs(entry(i).timestamp - timestamp) > kFallbackAge) continue;
-      if (nearest < 0 ||
-          std::abs(entry(i).timestamp - timestamp) < std::abs(entry(nearest).timestamp - timestamp)) {
+      if (nearest < 0 || std::abs(entry(i).timestamp - timestamp) < std::abs(entry(nearest).timestamp - timestamp)) {
         nearest = i;
       }
     }
@@ -227,10 +226,10 @@ class ReferenceMemory {
 
  private:
   // A frame is stored when this much time has passed or the camera has moved so far since the last one.
-  static constexpr double kSpacingTime = 0.2;          // [s]
-  static constexpr double kSpacingTranslation = 0.05;  // [m]
+  static constexpr double kSpacingTime = 0.2;              // [s]
+  static constexpr double kSpacingTranslation = 0.05;      // [m]
   static constexpr double kSpacingRotation = 3 * kDegree;  // [rad]
-  static constexpr double kPreviousAge = 0.5;  // [s]: an older one is not the frame before any more
+  static constexpr double kPreviousAge = 0.5;              // [s]: an older one is not the frame before any more
   // Where no reference is near: what is tried all the same.
   static constexpr double kFarDistance = 2.5;
   static constexpr double kFallbackAge = 2.0;  // [s]
@@ -239,8 +238,7 @@ class ReferenceMemory {
     double distance;
     int index;
   };
-  [[nodiscard]] std::optional<double> distance_to(const Entry& e, const Pose& T_world_predicted,
-                                                  const FrameDescriptor& descriptor) const {
+  [[nodiscard]] std::optional<double> distance_to(const Entry& e, const Pose& T_world_predicted, const FrameDescriptor& descriptor) const {
     const std::optional<double> depth = grid_distance(descriptor.depth, e.descriptor.depth);
     if (!depth) return std::nullopt;
     if (options_.motion == MotionForm::RelativePose) {

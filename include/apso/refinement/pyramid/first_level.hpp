@@ -49,8 +49,8 @@ inline float read_first_level(const AnyFrame& frame, const DepthRange& range, Pl
 /// \param broken          some intensities are not finite: they get weight 0
 /// \param scratch         a row
 /// \return how many pixels weigh less than static ones
-inline float weigh_first_level(const AnyFrame& frame, const AnyImage& probability, float gamma_potential, bool broken,
-                               Plane& gamma, Plane& depth, float* scratch, int y0, int y1) {
+inline float weigh_first_level(const AnyFrame& frame, const AnyImage& probability, float gamma_potential, bool broken, Plane& gamma,
+                               Plane& depth, float* scratch, int y0, int y1) {
   const int w = frame.intensity().width();
   const Lanes background = kGammaStatic;
   Lanes less = 0.0F;

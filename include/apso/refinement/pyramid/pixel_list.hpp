@@ -15,27 +15,33 @@ APSO_NAMESPACE_BEGIN
 struct PixelList {
   static constexpr int kBlock = 16;
   enum Field {
-    kX, kY, kZ,        ///< point in the camera of the reference [m]
-    kIntensity,        ///< [0,1]
-    kGradient2,        ///< |grad I|^2 [1/px^2], < 0: behind an edge or beside a hole, the intensity is not compared
-    kDepthGradient2,   ///< |grad Z|^2 [m^2/px^2], < 0: on an edge or beside a hole, the depth is not compared
-    kGamma,            ///< weight [0,1]
-    kI0, kI1, kI2,     ///< J_pi^T grad I [1/m]: the photometric row of the Jacobian is (a, X x a)
-    kD0, kD1, kD2,     ///< J_pi^T grad Z - e_z: the same of the depth
+    kX,
+    kY,
+    kZ,               ///< point in the camera of the reference [m]
+    kIntensity,       ///< [0,1]
+    kGradient2,       ///< |grad I|^2 [1/px^2], < 0: behind an edge or beside a hole, the intensity is not compared
+    kDepthGradient2,  ///< |grad Z|^2 [m^2/px^2], < 0: on an edge or beside a hole, the depth is not compared
+    kGamma,           ///< weight [0,1]
+    kI0,
+    kI1,
+    kI2,  ///< J_pi^T grad I [1/m]: the photometric row of the Jacobian is (a, X x a)
+    kD0,
+    kD1,
+    kD2,  ///< J_pi^T grad Z - e_z: the same of the depth
     kFields
   };
   struct Tile {
-    int begin = 0;  ///< first block
-    int end = 0;    ///< one past the last block
-    int count = 0;  ///< pixels
+    int begin = 0;    ///< first block
+    int end = 0;      ///< one past the last block
+    int count = 0;    ///< pixels
     float depth = 0;  ///< mean of the pixels [m]
   };
   std::vector<float> data;
   std::vector<Tile> tiles;  ///< row by row
   int columns = 0;          ///< tiles side by side
   int rows = 0;
-  int tile_side = 0;        ///< [px]
-  int count = 0;            ///< pixels in all tiles
+  int tile_side = 0;  ///< [px]
+  int count = 0;      ///< pixels in all tiles
 
   [[nodiscard]] int blocks() const { return tiles.empty() ? 0 : tiles.back().end; }
   [[nodiscard]] float* block(int i) { return data.data() + static_cast<std::ptrdiff_t>(i) * kFields * kBlock; }

@@ -20,18 +20,16 @@ APSO_NAMESPACE_BEGIN
 
 /// Standard deviation of the gradient of white noise of deviation 1 [1/px], within 15 %, `level` halvings by 1 3 3 1 from the
 /// full size, and smoothed by 1 2 1 or not.
-[[nodiscard]] inline float gradient_noise(int level, bool smoothed) {
-  return (smoothed ? 0.3F : 0.55F) / static_cast<float>(1 << level);
-}
+[[nodiscard]] inline float gradient_noise(int level, bool smoothed) { return (smoothed ? 0.3F : 0.55F) / static_cast<float>(1 << level); }
 
 /// The images of which pixels are chosen.
 struct SelectionSource {
   const Plane& intensity;  ///< as it is aligned
   const Plane& depth;
-  const Plane& gamma;      ///< or empty: all weights are 1
+  const Plane& gamma;  ///< or empty: all weights are 1
   const Pinhole& camera;
-  int halvings;            ///< from the full size
-  bool smoothed;           ///< the intensity, by 1 2 1
+  int halvings;   ///< from the full size
+  bool smoothed;  ///< the intensity, by 1 2 1
 };
 
 /// Chooses pixels of a level. The image is cut into cells of b x b pixels, b as small as max_pixels allows, and each cell
@@ -163,8 +161,7 @@ class PixelSelector {
         const Lanes low = min(min(l, r), min(u, d));
         const Lanes spread = max(max(l, r), max(u, d)) - low;
         // a little above 0 for any pixel with depth, ten times that where the surface goes on to all sides
-        const Lanes score =
-            gx * gx + gy * gy + select((low > Lanes(0.0F)) & (spread < 0.05F * z), Lanes(1e-3F), Lanes(1e-4F));
+        const Lanes score = gx * gx + gy * gy + select((low > Lanes(0.0F)) & (spread < 0.05F * z), Lanes(1e-3F), Lanes(1e-4F));
         IntLanes column;
         std::memcpy(&column.v, column_.data() + x, sizeof column.v);
         Mask ok = z > Lanes(0.0F);

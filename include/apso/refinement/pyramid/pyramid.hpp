@@ -29,7 +29,8 @@ enum class PyramidRole { Current, Reference, Both };
 /// A frame at the levels finest .. coarsest. What is aligned at the finest level is the image smoothed by 1 2 1: noise in a
 /// gradient weights the pixel that has it, and reading between pixels errs by their curvature. Halving does as much for the
 /// coarser levels, and corners are found in images as they are. A frame that is mostly masked has one finer level
-/// (`finer_level_mask_share`); frames are aligned at the levels that all of them have. Building again with the same sizes allocates nothing.
+/// (`finer_level_mask_share`); frames are aligned at the levels that all of them have. Building again with the same sizes allocates
+/// nothing.
 class FramePyramid {
  public:
   static constexpr int kCornerWidth = 400;  ///< images wider than this are not kept of a reference [px]
@@ -39,8 +40,8 @@ class FramePyramid {
   /// \param dynamic_probability any image of the size of the frame, [0,1], 1 = dynamic; none or empty = nothing is dynamic
   /// \param executor the result does not depend on its threads
   template <class Executor = SerialExecutor>
-  void build(const AnyFrame& frame, const Pinhole& camera, const AnyImage& dynamic_probability = {},
-             const PyramidOptions& options = {}, PyramidRole role = PyramidRole::Both, const Executor& executor = {}) {
+  void build(const AnyFrame& frame, const Pinhole& camera, const AnyImage& dynamic_probability = {}, const PyramidOptions& options = {},
+             PyramidRole role = PyramidRole::Both, const Executor& executor = {}) {
     check(frame, camera, dynamic_probability, options);
     timestamp_ = frame.timestamp;
     nominal_finest_ = options.finest;
@@ -67,9 +68,7 @@ class FramePyramid {
       const Plane& aligned = fine ? smooth_ : level.intensity;
       if (role != PyramidRole::Reference) {
         level.texture.resize(2 * static_cast<std::size_t>(cam.width) * static_cast<std::size_t>(cam.height));
-        Bands(cam.height, cam.width).run(executor, [&](int, int y0, int y1) {
-          interleave(aligned, level.depth, level.texture, y0, y1);
-        });
+        Bands(cam.height, cam.width).run(executor, [&](int, int y0, int y1) { interleave(aligned, level.depth, level.texture, y0, y1); });
       } else {
         level.texture.clear();
       }
@@ -212,7 +211,7 @@ class FramePyramid {
   std::vector<PyramidLevel> levels_;  // by halvings; those above the finest are passed through, not prepared
   Plane smooth_, weighted_, gamma_;
   const PyramidLevel* weighted_of_ = nullptr;  // the level whose weighted image is there
-  Plane line_;  // a row for each band
+  Plane line_;                                 // a row for each band
   PixelSelector selector_;
   std::vector<std::vector<float>> samples_;  // of depth, by level
   double timestamp_ = 0;

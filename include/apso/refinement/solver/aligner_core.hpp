@@ -75,9 +75,9 @@ class AlignerCore {
  private:
   static constexpr AlignmentCost::Buffer kAccepted = AlignmentCost::kAccepted;
   static constexpr AlignmentCost::Buffer kTrial = AlignmentCost::kTrial;
-  static constexpr std::size_t kSolved = 6;      // most starts that are solved
-  static constexpr double kCorrelated = 0.9;     // correlation of the intensities of right poses
-  static constexpr double kUncorrelated = 0.3;   // intensities of both images that agree less are NoOverlap
+  static constexpr std::size_t kSolved = 6;     // most starts that are solved
+  static constexpr double kCorrelated = 0.9;    // correlation of the intensities of right poses
+  static constexpr double kUncorrelated = 0.3;  // intensities of both images that agree less are NoOverlap
   static constexpr int kPrealignIterations = 15;
 
   // Near: the only candidate is known to be near the truth, and no other start is tried.
@@ -126,8 +126,8 @@ class AlignerCore {
     return r.valid_share >= (correlated ? 0.5 : 1.0) * options().min_valid_share;
   }
 
-  bool begin(const std::vector<AlignmentReference>& references, const FramePyramid& current,
-             const std::vector<Pose>& candidates, AlignmentResult& result) {
+  bool begin(const std::vector<AlignmentReference>& references, const FramePyramid& current, const std::vector<Pose>& candidates,
+             AlignmentResult& result) {
     expects(!candidates.empty(), "DirectAligner: at least one candidate pose is needed");
     const auto first = std::find_if(candidates.begin(), candidates.end(), [](const Pose& c) { return is_finite(c); });
     if (first != candidates.end()) result.T_world_camera = *first;

@@ -26,8 +26,8 @@ inline constexpr int kMinimumAlignedPixels = 300;
 class LevelSolver {
  public:
   Pose T = identity_pose();  ///< T_camera_world
-  bool converged = false;  ///< at the level that was solved last
-  int iterations = 0;      ///< outer ones over all levels
+  bool converged = false;    ///< at the level that was solved last
+  int iterations = 0;        ///< outer ones over all levels
 
   /// \param ratio share of the largest eigenvalue below which a direction keeps what it is
   [[nodiscard]] Status solve(AlignmentCost& cost, int level, double ratio, const ExecutorRef& executor) {
@@ -110,9 +110,9 @@ class LevelSolver {
   // By level, finest first; the last holds for all coarser ones. Most iterations where they cost least.
   static constexpr int kIterations[4] = {8, 10, 15, 20};
   static constexpr double kStopPixels[4] = {0.01, 0.03, 0.05, 0.05};  // a step that moves the image by less is the last one [px]
-  static constexpr double kStopRelativeCost = 1e-4;  // a relative decrease below stops
-  static constexpr int kRejects = 5;                 // rejected steps in a row
-  static constexpr double kScaleChange = 0.2;        // relative change of a scale from which on the sums are made again with the new
+  static constexpr double kStopRelativeCost = 1e-4;                   // a relative decrease below stops
+  static constexpr int kRejects = 5;                                  // rejected steps in a row
+  static constexpr double kScaleChange = 0.2;  // relative change of a scale from which on the sums are made again with the new
 };
 
 APSO_NAMESPACE_END

@@ -43,15 +43,15 @@ inline constexpr double kTileVarianceFactor = 3.5;
   double sum = 0;
   double squares = 0;
   cost.for_each_term(T_camera_world, [&](const CostTerm& t, const Pose& T_current_reference) {
-    t.add_information_about(times(adjoint_inverse(T_current_reference), direction), AlignmentCost::kTrial, AlignmentCost::kSharedTiles,
-                            sum, squares);
+    t.add_information_about(times(adjoint_inverse(T_current_reference), direction), AlignmentCost::kTrial, AlignmentCost::kSharedTiles, sum,
+                            squares);
   });
   return squares > 0 ? sum / std::sqrt(squares) : 0.0;
 }
 
 /// Of twists scaled by unit_twist().
 struct PoseInformation {
-  Matrix6 open = zeros<Matrix6>();         ///< projector onto the directions of which the images tell nothing
+  Matrix6 open = zeros<Matrix6>();  ///< projector onto the directions of which the images tell nothing
   int open_count = 0;
   Matrix6 covariance = zeros<Matrix6>();   ///< 0 in open directions
   Matrix6 information = zeros<Matrix6>();  ///< its inverse, 0 in open directions
@@ -102,10 +102,10 @@ struct PoseInformation {
   }
 
  private:
-  static constexpr double kFloor = 50;          // eigenvalue below which nothing is known, as in Degeneracy
-  static constexpr double kShared = 0.1;        // share of H that both images have in common where there is more than noise
-  static constexpr double kSignificance = 5;    // standard deviations of what chance gives
-  static constexpr double kExact = 1e-14;       // variance of a pose from images without noise, so that it can be inverted
+  static constexpr double kFloor = 50;        // eigenvalue below which nothing is known, as in Degeneracy
+  static constexpr double kShared = 0.1;      // share of H that both images have in common where there is more than noise
+  static constexpr double kSignificance = 5;  // standard deviations of what chance gives
+  static constexpr double kExact = 1e-14;     // variance of a pose from images without noise, so that it can be inverted
 
   static double quadratic(const Twist& a, const Matrix6& A, const Twist& b) {
     double sum = 0;

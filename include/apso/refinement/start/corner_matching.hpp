@@ -31,8 +31,7 @@ class CornerMatcher {
  public:
   /// Adds the matches of one level of both frames. Where there are few corners the cells are smaller.
   /// \return number of corners of the reference in cells of the larger size
-  std::size_t operator()(const PyramidLevel& reference, const PyramidLevel& current,
-                         std::vector<CornerMatch>& matches) {
+  std::size_t operator()(const PyramidLevel& reference, const PyramidLevel& current, std::vector<CornerMatch>& matches) {
     detect(reference, Choice::Best, kCell, reference_);
     const std::size_t corners = reference_.size();
     if (corners < kMinCorners) detect(reference, Choice::Best, kSmallCell, reference_);
@@ -45,8 +44,8 @@ class CornerMatcher {
       const Pixel& from = reference_.pixels[i];
       const Pixel& to = current_.pixels[j];
       const std::array<float, 2> offset = subpixel_offset(i, current, to);
-      matches.push_back({back_project(reference, from, {0, 0}), back_project(current, to, offset),
-                         1.0F / static_cast<float>(current.camera.fx)});
+      matches.push_back(
+          {back_project(reference, from, {0, 0}), back_project(current, to, offset), 1.0F / static_cast<float>(current.camera.fx)});
     }
     return corners;
   }
@@ -57,7 +56,7 @@ class CornerMatcher {
   static constexpr int kSmallCell = 4;             // [px]
   static constexpr float kMinCorrelation = 0.65F;  // of a match
   static constexpr float kMinCornerness = 1e-3F;   // that of nine pixels with gradients of 1 % of the brightness
-  static constexpr int kSide = 8;              // of a patch [px]
+  static constexpr int kSide = 8;                  // of a patch [px]
   static constexpr int kHalf = kSide / 2;
   static constexpr int kPatch = kSide * kSide;
 
@@ -68,9 +67,7 @@ class CornerMatcher {
     std::vector<Pixel> pixels;
     std::vector<float> patches;  // kLanes of them at a time, pixel by pixel, the rest 0
     [[nodiscard]] std::size_t size() const { return pixels.size(); }
-    [[nodiscard]] const float* patch(std::size_t i) const {
-      return patches.data() + i / kLanes * kPatch * kLanes + i % kLanes;
-    }
+    [[nodiscard]] const float* patch(std::size_t i) const { return patches.data() + i / kLanes * kPatch * kLanes + i % kLanes; }
   };
 
   // The best corner of each cell, or all its pixels that could be one.
@@ -123,8 +120,7 @@ class CornerMatcher {
   // The patch around a pixel, of mean 0 and length 1, without what is masked.
   // \return whether enough of it is inside the image and not masked
   static bool extract_patch(const PyramidLevel& level, Pixel at, std::array<float, kPatch>& patch) {
-    if (at.x < kHalf || at.y < kHalf || at.x + kHalf > level.intensity.width() ||
-        at.y + kHalf > level.intensity.height()) {
+    if (at.x < kHalf || at.y < kHalf || at.x + kHalf > level.intensity.width() || at.y + kHalf > level.intensity.height()) {
       return false;
     }
     std::array<float, kPatch> seen;
@@ -229,8 +225,7 @@ class CornerMatcher {
       if (!(bend < 0) || before <= -1 || after <= -1) return 0.0F;
       return std::clamp(0.5F * (before - after) / bend, -0.5F, 0.5F);
     };
-    return {top(correlation(at.x - 1, at.y), correlation(at.x + 1, at.y)),
-            top(correlation(at.x, at.y - 1), correlation(at.x, at.y + 1))};
+    return {top(correlation(at.x - 1, at.y), correlation(at.x + 1, at.y)), top(correlation(at.x, at.y - 1), correlation(at.x, at.y + 1))};
   }
 
   static Eigen::Vector3f back_project(const PyramidLevel& level, Pixel at, std::array<float, 2> offset) {

@@ -17,8 +17,8 @@
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
-#include <apso/refinement/start/corner_matching.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
+#include <apso/refinement/start/corner_matching.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -31,8 +31,7 @@ class CornerSearch {
   /// \param halvings of the full size at which corners are detected, about 160 x 120 pixels; those of the next finer level
   ///        are added if a mask leaves few
   /// \param T_current_reference receives motions, the one with the most inliers first, none twice; may stay empty
-  void operator()(const FramePyramid& reference, const FramePyramid& current, int halvings,
-                  std::vector<Pose>& T_current_reference) {
+  void operator()(const FramePyramid& reference, const FramePyramid& current, int halvings, std::vector<Pose>& T_current_reference) {
     T_current_reference.clear();
     matches_.clear();
     const bool few = match_(reference.halved(halvings), current.halved(halvings), matches_) < kFewCorners;
@@ -57,12 +56,11 @@ class CornerSearch {
       // hypotheses with mostly the same inliers are the same motion
       count_inliers(T, all_, &inlier_);
       hypotheses_.erase(std::remove_if(hypotheses_.begin(), hypotheses_.end(),
-                                    [&](const Hypothesis& g) { return 2 * count_inliers(g.T, inlier_) > g.inliers; }),
-                     hypotheses_.end());
+                                       [&](const Hypothesis& g) { return 2 * count_inliers(g.T, inlier_) > g.inliers; }),
+                        hypotheses_.end());
       if (T_current_reference.size() == 1) {
         // nearly all triples are of the motion that most matches share; as many are sampled from the rest
-        pool_.erase(std::remove_if(pool_.begin(), pool_.end(), [&](std::size_t i) { return inlier_[i] > 0; }),
-                    pool_.end());
+        pool_.erase(std::remove_if(pool_.begin(), pool_.end(), [&](std::size_t i) { return inlier_[i] > 0; }), pool_.end());
         sample_hypotheses(random);
       }
     }
@@ -80,9 +78,7 @@ class CornerSearch {
       const auto first = static_cast<std::ptrdiff_t>(T_current_reference.size());
       for (const CornerMatch& m : matches_) {
         const Eigen::Vector3d t = minus(as_double(m.q), times(R, as_double(m.p)));
-        const auto near = [&](const Pose& T) {
-          return squared_norm(minus(t, translation(T))) < min_distance * min_distance;
-        };
+        const auto near = [&](const Pose& T) { return squared_norm(minus(t, translation(T))) < min_distance * min_distance; };
         if (squared_norm(minus(t, centre)) > radius * radius ||
             std::any_of(T_current_reference.begin() + first, T_current_reference.end(), near)) {
           continue;
@@ -97,7 +93,7 @@ class CornerSearch {
     return {static_cast<double>(v.x()), static_cast<double>(v.y()), static_cast<double>(v.z())};
   }
 
-  static constexpr std::size_t kFewCorners = 100;      // corners of the reference
+  static constexpr std::size_t kFewCorners = 100;  // corners of the reference
   static constexpr std::size_t kMinInliers = 4;
   static constexpr std::size_t kMaxHypotheses = 1000;
   static constexpr int kMaxTrials = 10000;
@@ -141,8 +137,7 @@ class CornerSearch {
   }
 
   // How many matches of weight 1 are inliers of a motion, and which of all.
-  std::size_t count_inliers(const Pose& T_current_reference, const std::vector<float>& weight,
-                             std::vector<float>* which = nullptr) const {
+  std::size_t count_inliers(const Pose& T_current_reference, const std::vector<float>& weight, std::vector<float>* which = nullptr) const {
     const FloatPose T(T_current_reference);
     if (which != nullptr) which->resize(all_.size());
     Lanes n = 0.0F;
@@ -188,9 +183,7 @@ class CornerSearch {
   // Adds hypotheses of three matches of the pool each.
   void sample_hypotheses(LinearCongruential& random) {
     if (pool_.size() < kMinInliers) return;
-    const auto below = [&](std::size_t n) {
-      return static_cast<std::size_t>((static_cast<std::uint64_t>(random()) * n) >> 32U);
-    };
+    const auto below = [&](std::size_t n) { return static_cast<std::size_t>((static_cast<std::uint64_t>(random()) * n) >> 32U); };
     const std::size_t enough = hypotheses_.size() + kMaxHypotheses;
     for (int trial = 0; trial < kMaxTrials && hypotheses_.size() < enough; ++trial) {
       const std::size_t a = pool_[below(pool_.size())];
@@ -225,7 +218,7 @@ class CornerSearch {
   }
   // Orthonormal axes in the columns: along a b, across it towards c, and perpendicular to both.
   [[nodiscard]] static bool orthonormal_axes(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c,
-                                 Eigen::Matrix3d& out) {
+                                             Eigen::Matrix3d& out) {
     Eigen::Vector3f x = minus(b, a);
     x = times(1.0F / norm(x), x);
     Eigen::Vector3f z = cross(x, minus(c, a));
@@ -257,9 +250,7 @@ class CornerSearch {
       for (int r = 0; r < 3; ++r) {
         const double inverse_sigma = 1 / static_cast<double>(r < 2 ? pixel_tolerance(m) : depth_tolerance(m.q.z()));
         const double tangent = x[r] / x[2];
-        const double e =
-            (r < 2 ? tangent - static_cast<double>(m.q(r) / m.q.z()) : x[2] - static_cast<double>(m.q.z())) *
-            inverse_sigma;
+        const double e = (r < 2 ? tangent - static_cast<double>(m.q(r) / m.q.z()) : x[2] - static_cast<double>(m.q.z())) * inverse_sigma;
         double J[6];
         for (int k = 0; k < 6; ++k) {
           J[k] = (r < 2 ? (moved[r][k] - tangent * moved[2][k]) / x[2] : moved[2][k]) * inverse_sigma;
@@ -277,7 +268,7 @@ class CornerSearch {
   CornerMatcher match_;
   std::vector<CornerMatch> matches_;
   std::vector<float> packed_;
-  std::vector<float> all_;    // 1 for each match, 0 for what fills up the last lanes
+  std::vector<float> all_;     // 1 for each match, 0 for what fills up the last lanes
   std::vector<float> inlier_;  // 1 for each inlier of the last motion
   std::vector<std::size_t> compatible_, first_compatible_;
   std::vector<std::size_t> pool_;  // matches to sample from: no inliers of the first motion

@@ -58,8 +58,7 @@ class OrientationSearch {
       if (!(best->score > kMinScoreRatio * best_score)) break;
       Eigen::Matrix3d R = best->R;
       candidates_.erase(
-          std::remove_if(candidates_.begin(), candidates_.end(),
-                         [&](const Candidate& c) { return angle(c.R, R) < kMinSeparation; }),
+          std::remove_if(candidates_.begin(), candidates_.end(), [&](const Candidate& c) { return angle(c.R, R) < kMinSeparation; }),
           candidates_.end());
       for (int i = 0; i < kRefinements; ++i) refine(R);
       // most candidates that were separate converge to the same rotation
@@ -72,10 +71,10 @@ class OrientationSearch {
   }
 
  private:
-  static constexpr double kStep = 3 * kDegree;   // of the grid [rad]
-  static constexpr double kMinSeparation = 5 * kDegree;  // of two candidates, before they are refined [rad]
-  static constexpr double kMinScoreRatio = 0.8;          // score of a candidate over that of the best
-  static constexpr double kDuplicateAngle = 1 * kDegree;   // refined candidates that are closer are the same [rad]
+  static constexpr double kStep = 3 * kDegree;            // of the grid [rad]
+  static constexpr double kMinSeparation = 5 * kDegree;   // of two candidates, before they are refined [rad]
+  static constexpr double kMinScoreRatio = 0.8;           // score of a candidate over that of the best
+  static constexpr double kDuplicateAngle = 1 * kDegree;  // refined candidates that are closer are the same [rad]
   static constexpr int kMaxCandidates = 4;
   static constexpr int kRefinements = 6;
   static constexpr int kPixels = 4;       // between normals

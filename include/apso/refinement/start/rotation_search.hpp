@@ -26,8 +26,7 @@ class RotationSearch {
   /// \param reference,current the same level of both frames
   /// \param T_current_reference where to start; its translation is kept
   /// \return the iterate with the smallest residuals
-  [[nodiscard]] Pose operator()(const PixelList& reference, const PyramidLevel& current, const Pose& T_current_reference,
-                                int iterations) {
+  [[nodiscard]] Pose operator()(const PixelList& reference, const PyramidLevel& current, const Pose& T_current_reference, int iterations) {
     Pose T = T_current_reference;
     Pose best = T;
     double best_cost = std::numeric_limits<double>::infinity();
@@ -84,8 +83,8 @@ class RotationSearch {
         float gamma = list.at(b, PixelList::kGamma, i);
         if (!(gamma > 0)) continue;
         const float iz_reference = 1.0F / list.at(b, PixelList::kZ, i);
-        const Eigen::Vector3f y = turn.rotate(list.at(b, PixelList::kX, i) * iz_reference,
-                                              list.at(b, PixelList::kY, i) * iz_reference, 1.0F);
+        const Eigen::Vector3f y =
+            turn.rotate(list.at(b, PixelList::kX, i) * iz_reference, list.at(b, PixelList::kY, i) * iz_reference, 1.0F);
         weight += static_cast<double>(gamma);
         const float iz = 1.0F / std::max(y.z(), 0.1F);
         const double u = static_cast<double>(fx * y.x() * iz) + cam.cx;

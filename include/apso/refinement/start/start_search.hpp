@@ -33,8 +33,7 @@ class StartSearch {
   /// \param T_found,T_guess poses T_camera_world
   /// \return the pose that was found, then the others, those with the most support first
   template <class Executor>
-  const std::vector<Start>& operator()(AlignmentCost& cost, int level, const Pose& T_found, const Pose& T_guess,
-                                       const Executor& executor) {
+  const std::vector<Start>& operator()(AlignmentCost& cost, int level, const Pose& T_found, const Pose& T_guess, const Executor& executor) {
     const Pose& T_world_reference = cost.first_T_world_reference();
     const Pose T_reference_world = inverse(T_world_reference);
     const auto add_motions = [&] {
@@ -72,20 +71,16 @@ class StartSearch {
   // in smaller images that differ by a pixel of these.
   template <class Executor>
   void add_surface_motions(AlignmentCost& cost, int level, const Pose& T_guess, const Executor& executor) {
-    orientation_search_(cost.first_reference().halved(cost.halvings(level)), cost.current(level), rotation(T_guess),
-                        rotations_);
-    corner_search_.with_rotations(rotations_, translation(T_guess), OrientationSearch::kMaxAngle * depth_, 0.01 * depth_,
-                                  motions_);
+    orientation_search_(cost.first_reference().halved(cost.halvings(level)), cost.current(level), rotation(T_guess), rotations_);
+    corner_search_.with_rotations(rotations_, translation(T_guess), OrientationSearch::kMaxAngle * depth_, 0.01 * depth_, motions_);
     const Pose T_reference_world = inverse(cost.first_T_world_reference());
     const int smaller = std::min(level + 2, cost.levels() - 1);
     (void)cost.evidence(smaller, starts_.front().T_camera_world, executor);  // for the brightness
     candidates_.clear();
     for (const Pose& T : motions_) {
-      candidates_.push_back(
-          {T, cost.evidence_as_lit(smaller, normalized(compose(T, T_reference_world)), executor).support});
+      candidates_.push_back({T, cost.evidence_as_lit(smaller, normalized(compose(T, T_reference_world)), executor).support});
     }
-    std::sort(candidates_.begin(), candidates_.end(),
-              [](const Candidate& a, const Candidate& b) { return a.support > b.support; });
+    std::sort(candidates_.begin(), candidates_.end(), [](const Candidate& a, const Candidate& b) { return a.support > b.support; });
     motions_.clear();
     for (const Candidate& t : candidates_) {
       if (motions_.size() == kMaxSurfaceMotions) break;

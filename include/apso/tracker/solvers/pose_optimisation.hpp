@@ -21,13 +21,13 @@ APSO_NAMESPACE_BEGIN
 /// A world point seen in the image.
 struct PointObservation {
   Eigen::Vector3d point = zeros<Eigen::Vector3d>();  ///< world frame [m]
-  double u = 0;                                     ///< [px]
-  double v = 0;                                     ///< [px]
-  double inverse_depth = 0;                         ///< measured 1/z [1/m]; 0 = no depth at this pixel
-  double sigma = 1;                                 ///< of u and v [px]
-  double inverse_depth_sigma = 1;                   ///< of inverse_depth [1/m]
-  double weight = 1;                                ///< (0,1], e.g. the probability of being static
-  bool inlier = true;                               ///< set by the optimisation
+  double u = 0;                                      ///< [px]
+  double v = 0;                                      ///< [px]
+  double inverse_depth = 0;                          ///< measured 1/z [1/m]; 0 = no depth at this pixel
+  double sigma = 1;                                  ///< of u and v [px]
+  double inverse_depth_sigma = 1;                    ///< of inverse_depth [1/m]
+  double weight = 1;                                 ///< (0,1], e.g. the probability of being static
+  bool inlier = true;                                ///< set by the optimisation
 };
 
 struct PoseOptimisationOptions {
@@ -47,19 +47,19 @@ inline constexpr double kChi2Point = 5.991;
 inline constexpr double kChi2PointDepth = 7.815;
 
 inline constexpr int kMinPoseInliers = 10;     ///< fewer give no pose
-inline constexpr double kMinPixelScale = 0.4;   ///< the noise of pixels is measured, but not believed to be less than this many sigma
+inline constexpr double kMinPixelScale = 0.4;  ///< the noise of pixels is measured, but not believed to be less than this many sigma
 
 /// Whitened residual (du, dv, d(1/z)) of a point given in the camera frame, and its derivative with respect to
 /// that camera point. The third row is zero when no depth was measured.
 /// \return false when the point lies behind the camera
-inline bool point_residual(const Pinhole& camera, const PointObservation& o, const Eigen::Vector3d& p_camera,
-                           Eigen::Vector3d& residual, Eigen::Matrix3d* jacobian = nullptr) {
+inline bool point_residual(const Pinhole& camera, const PointObservation& o, const Eigen::Vector3d& p_camera, Eigen::Vector3d& residual,
+                           Eigen::Matrix3d* jacobian = nullptr) {
   if (!(p_camera.z() > 0.05)) return false;
   const double iz = 1.0 / p_camera.z();
   const double is = 1.0 / o.sigma;
   const double id = o.inverse_depth > 0 ? 1.0 / o.inverse_depth_sigma : 0.0;
-  residual = {(camera.fx * p_camera.x() * iz + camera.cx - o.u) * is,
-              (camera.fy * p_camera.y() * iz + camera.cy - o.v) * is, (iz - o.inverse_depth) * id};
+  residual = {(camera.fx * p_camera.x() * iz + camera.cx - o.u) * is, (camera.fy * p_camera.y() * iz + camera.cy - o.v) * is,
+              (iz - o.inverse_depth) * id};
   if (jacobian != nullptr) {
     Eigen::Matrix3d& J = *jacobian;
     J(0, 0) = is * (camera.fx * iz);
@@ -85,9 +85,7 @@ inline void twist_jacobian(const Eigen::Matrix3d& J, const Eigen::Vector3d& p, d
 }
 
 /// Chi-square limit of an observation.
-[[nodiscard]] inline double chi2_limit(const PointObservation& o) {
-  return o.inverse_depth > 0 ? kChi2PointDepth : kChi2Point;
-}
+[[nodiscard]] inline double chi2_limit(const PointObservation& o) { return o.inverse_depth > 0 ? kChi2PointDepth : kChi2Point; }
 
 /// Squared norm of a whitened residual when the noise of u and v is `scale` times sigma.
 [[nodiscard]] inline double scaled_norm2(const Eigen::Vector3d& r, double scale) {
@@ -97,8 +95,8 @@ inline void twist_jacobian(const Eigen::Matrix3d& J, const Eigen::Vector3d& p, d
 /// PassMarks the inliers at a pose and counts them.
 /// \param scale noise of u and v, in sigma
 /// \param widen factor on the chi-square limits
-inline int mark_inliers(const Pinhole& camera, std::vector<PointObservation>& observations, const Pose& T_world_camera,
-                    double scale = 1, double widen = 1) {
+inline int mark_inliers(const Pinhole& camera, std::vector<PointObservation>& observations, const Pose& T_world_camera, double scale = 1,
+                        double widen = 1) {
   const Pose T_camera_world = inverse(T_world_camera);
   int inliers = 0;
   Eigen::Vector3d r;
@@ -118,8 +116,7 @@ inline constexpr double kMedianNorm2 = 1.3862943611198906;
   scratch.clear();
   Eigen::Vector3d r;
   for (const PointObservation& o : observations) {
-    if (o.inlier && point_residual(camera, o, transform(T_camera_world, o.point), r))
-      scratch.push_back(r.x() * r.x() + r.y() * r.y());
+    if (o.inlier && point_residual(camera, o, transform(T_camera_world, o.point), r)) scratch.push_back(r.x() * r.x() + r.y() * r.y());
   }
   if (scratch.empty()) return 1;
   const auto middle = scratch.begin() + static_cast<std::ptrdiff_t>(scratch.size() / 2);
@@ -135,8 +132,8 @@ struct PoseEquations {
 };
 /// \param per_pixel inverse of the noise of u and v, in sigma
 /// \param robust weigh by Geman-McClure; else all inliers count alike
-inline PoseEquations pose_equations(const Pinhole& camera, const std::vector<PointObservation>& observations,
-                                    const Pose& T_camera_world, double per_pixel, bool robust) {
+inline PoseEquations pose_equations(const Pinhole& camera, const std::vector<PointObservation>& observations, const Pose& T_camera_world,
+                                    double per_pixel, bool robust) {
   double H[6][6] = {};
   double b[6] = {};
   double J_twist[3][6];
@@ -183,8 +180,7 @@ inline PoseEquations pose_equations(const Pinhole& camera, const std::vector<Poi
 /// at half a pixel the wall says clearly that the camera did not turn, at one or two pixels it does not. The last two
 /// rounds use the inliers without kernel. When most observations are far off at the start, all take part at first.
 [[nodiscard]] inline PoseOptimisation optimise_pose(const Pinhole& camera, std::vector<PointObservation>& observations,
-                                                    const Pose& T_world_camera,
-                                                    const PoseOptimisationOptions& options = {}) {
+                                                    const Pose& T_world_camera, const PoseOptimisationOptions& options = {}) {
   constexpr double far_off = 16;  // on squared residuals: four times the bound
   PoseOptimisation result;
   result.T_world_camera = T_world_camera;

@@ -37,10 +37,10 @@ class RansacGenerator {
 };
 
 struct RansacOptions {
-  double threshold = 3.0;             ///< reprojection error of an inlier [px], times sigma
+  double threshold = 3.0;                 ///< reprojection error of an inlier [px], times sigma
   double inverse_depth_tolerance = 0.03;  ///< [1/m], where depth was measured
-  double confidence = 0.99;           ///< of having drawn one clean sample
-  int iterations = 300;               ///< at most
+  double confidence = 0.99;               ///< of having drawn one clean sample
+  int iterations = 300;                   ///< at most
   std::uint64_t seed = 1;
 };
 
@@ -51,8 +51,8 @@ struct RansacPose {
 };
 
 namespace detail {
-inline double ransac_score(const Pinhole& camera, const std::vector<PointObservation>& observations,
-                           const Pose& T_camera_world, const RansacOptions& options, int& inliers) {
+inline double ransac_score(const Pinhole& camera, const std::vector<PointObservation>& observations, const Pose& T_camera_world,
+                           const RansacOptions& options, int& inliers) {
   double score = 0;
   inliers = 0;
   for (const PointObservation& o : observations) {

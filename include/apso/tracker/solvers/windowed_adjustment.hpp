@@ -28,7 +28,7 @@ struct AdjustmentProblem {
   };
   struct Point {
     Eigen::Vector3d point = zeros<Eigen::Vector3d>();  ///< world frame [m]; refined
-    int first = 0;                                    ///< its views are views[first] .. views[first + count - 1]
+    int first = 0;                                     ///< its views are views[first] .. views[first + count - 1]
     int count = 0;
   };
   std::vector<Pose> T_camera_world;  ///< refined, unless fixed
@@ -73,8 +73,8 @@ struct ViewJacobians {
   double pose[3][6];   // with respect to the twist of the pose
   double point[3][3];  // with respect to the world point
 };
-inline bool view_jacobians(const Pinhole& camera, const PointObservation& o, const Pose& T_camera_world,
-                           const Eigen::Vector3d& point, ViewJacobians& out) {
+inline bool view_jacobians(const Pinhole& camera, const PointObservation& o, const Pose& T_camera_world, const Eigen::Vector3d& point,
+                           ViewJacobians& out) {
   const Eigen::Vector3d p = transform(T_camera_world, point);
   Eigen::Vector3d r;
   Eigen::Matrix3d J;
@@ -114,8 +114,8 @@ class ReducedEquations {
 
   /// Gathers everything at the current poses and points.
   /// \param slot place of each pose among those that are not fixed, -1 = fixed
-  void build(const Pinhole& camera, const AdjustmentProblem& problem, const std::vector<int>& slot,
-             const std::vector<Pose>& poses, const std::vector<Eigen::Vector3d>& points, double lambda) {
+  void build(const Pinhole& camera, const AdjustmentProblem& problem, const std::vector<int>& slot, const std::vector<Pose>& poses,
+             const std::vector<Eigen::Vector3d>& points, double lambda) {
     S_.assign(n_ * n_, 0.0);
     g_.assign(n_, 0.0);
     blocks_.clear();
@@ -211,8 +211,7 @@ class ReducedEquations {
       const Block& A = blocks_[a];
       double AV[6][3];
       for (int i = 0; i < 6; ++i) {
-        for (int j = 0; j < 3; ++j)
-          AV[i][j] = A.W[i][0] * e.inverse[0][j] + A.W[i][1] * e.inverse[1][j] + A.W[i][2] * e.inverse[2][j];
+        for (int j = 0; j < 3; ++j) AV[i][j] = A.W[i][0] * e.inverse[0][j] + A.W[i][1] * e.inverse[1][j] + A.W[i][2] * e.inverse[2][j];
         g_[6 * A.slot + static_cast<std::size_t>(i)] -= AV[i][0] * e.b[0] + AV[i][1] * e.b[1] + AV[i][2] * e.b[2];
       }
       for (std::size_t c = e.first; c < e.last; ++c) {
@@ -291,8 +290,8 @@ inline AdjustmentResult adjust_window(const Pinhole& camera, AdjustmentProblem& 
       AdjustmentProblem::View& view = problem.views[static_cast<std::size_t>(k)];
       const Pose& T = problem.T_camera_world[static_cast<std::size_t>(view.pose)];
       Eigen::Vector3d r;
-      view.observation.inlier = point_residual(camera, view.observation, transform(T, points[i]), r) &&
-                                squared_norm(r) <= chi2_limit(view.observation);
+      view.observation.inlier =
+          point_residual(camera, view.observation, transform(T, points[i]), r) && squared_norm(r) <= chi2_limit(view.observation);
     }
   }
   return result;

@@ -26,7 +26,7 @@ struct Bus {
   std::map<std::string, std::any> subscriptions;  // topic -> std::function<void(shared_ptr<const M>)>
   std::map<std::string, std::any> published;      // topic -> std::vector<M>
   std::vector<std::string> errors;
-  std::map<std::string, std::any> parameters;     // overrides
+  std::map<std::string, std::any> parameters;  // overrides
 
   template <class M>
   void send(const std::string& topic, const M& m) {
