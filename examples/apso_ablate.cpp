@@ -282,7 +282,6 @@ int main(int argc, char** argv) {
       "A sequence is written NAME,option=value,... with the options of apso_track, e.g. 'recording,camera=bonn' or\n"
       "'synthetic:stress_all,max-frames=540,seed=1'. Finished runs are kept: interrupt and restart it as you like.\n"
       "Exit code: 0 done, 1 bad input or a run failed, 2 wrong usage."};
-  app.set_version_flag("--version", APSO_VERSION);
   std::vector<std::string> names;
   for (const track::Variant& v : track::variants()) names.push_back(v.name);
   app.add_option("SEQUENCE", a.sequences, "sequences to run on")->required();

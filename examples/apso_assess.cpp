@@ -324,7 +324,6 @@ int main(int argc, char** argv) {
       "Compares the scores of finished runs of apso_track with the true error of its feature tracker. Use runs with\n"
       "--no-refinement to judge the prediction, runs with refinement to judge the correction.\n"
       "Exit code: 0 done, 1 bad input (the table holds what can be read), 2 wrong usage."};
-  app.set_version_flag("--version", APSO_VERSION);
   app.add_option("RUN", a.folders, "result folders of apso_track; FOLDER=FILE takes the ground truth from FILE")->required();
   app.add_option("--output", a.output, "folder for assess.json, roc.png, reliability.png, timeline.png")
       ->required()

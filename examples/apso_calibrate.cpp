@@ -206,7 +206,6 @@ int main(int argc, char** argv) {
       "Calibrates the scene assessment. A sequence is written NAME,option=value,... with the options of apso_track, e.g.\n"
       "'recording,camera=tum-fr1,max-frames=300' or 'synthetic:static_xyz,seed=7', or is a result folder of apso_track.\n"
       "Exit code: 0 done, 1 bad input, 2 wrong usage."};
-  app.set_version_flag("--version", APSO_VERSION);
   app.add_option("SEQUENCE", a.calm, "calm recordings without people, with typical camera motion: they determine the scales and th_differ")
       ->required();
   app.add_option("--output", a.output, "configuration file to write (YAML)")->required()->check(track::not_empty());

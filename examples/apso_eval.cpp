@@ -12,8 +12,6 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
-#include <apso/version.hpp>
-
 #include "eval/errors.hpp"
 #include "eval/plot.hpp"
 #include "eval/table.hpp"
@@ -230,9 +228,8 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  apso_eval groundtruth.txt estimate.txt\n"
       "  apso_eval groundtruth.txt estimate.txt --association evo --delta 1f --json\n"
-      "  apso_eval groundtruth.csv a.txt b.txt --table latex --baseline a --plot errors.svg\n"
+      "  apso_eval groundtruth.csv a.txt b.txt --table latex --baseline a --plot errors.svg\n\n"
       "Exit code: 0 the ATE of every estimate could be computed, 1 it could not, 2 wrong usage.");
-  app.set_version_flag("--version", APSO_VERSION);
   const std::vector<std::string> formats{"auto", "tum", "tum_ns", "kitti", "euroc"};
   Arguments a;
   app.add_option("groundtruth", a.groundtruth, "Ground-truth trajectory")->required();

@@ -20,7 +20,6 @@
 #include <apso/evaluation/ate.hpp>
 #include <apso/io/parameters.hpp>
 #include <apso/opencv/mask_image.hpp>
-#include <apso/version.hpp>
 
 #include "track/command_line.hpp"
 #include "track/config.hpp"
@@ -284,7 +283,6 @@ int main(int argc, char** argv) {
       "of static pixels marked as dynamic (mean, worst frame), trajectory error of a feature tracker that uses the mask,\n"
       "and CPU time per frame. Prints Markdown tables. Exit code: 0 done, 1 bad input, 2 wrong usage.\n"
       "In addition to the policies of apso_track there are 'truth' (the true mask) and 'boxes' (boxes of the true instances)."};
-  app.set_version_flag("--version", APSO_VERSION);
   app.add_option("SEQUENCE", a.sequences,
                  "synthetic:NAME, FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with true masks named by timestamp\n"
                  "(cameras: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim)")

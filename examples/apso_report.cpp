@@ -8,8 +8,6 @@
 
 #include <CLI/CLI.hpp>
 
-#include <apso/version.hpp>
-
 #include "report/page.hpp"
 #include "track/command_line.hpp"
 
@@ -20,7 +18,6 @@ int main(int argc, char** argv) {
   CLI::App app{
       "Makes one HTML file of one or more runs of apso_track, which opens without a network. Several runs stand side by side\n"
       "on common axes. Pictures of every frame are there if apso_track ran with --report, else those of overlays/."};
-  app.set_version_flag("--version", APSO_VERSION);
   app.add_option("RUN", folders, "folders written by apso_track")->required()->check(track::not_empty());
   app.add_option("--output", output, "HTML file to write; an earlier report is replaced, nothing else is")
       ->check(track::not_empty())

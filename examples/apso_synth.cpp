@@ -13,7 +13,6 @@
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/io/tum_text.hpp>
 #include <apso/testing/synthetic.hpp>
-#include <apso/version.hpp>
 
 #include "track/command_line.hpp"
 #include "track/progress.hpp"
@@ -86,7 +85,6 @@ int main(int argc, char** argv) {
   CLI::App app{
       "Writes a synthetic RGB-D recording as a folder in TUM format, with true masks and ground truth.\n"
       "Exit code: 0 done, 1 bad input, 2 wrong usage."};
-  app.set_version_flag("--version", APSO_VERSION);
   app.add_option("NAME", name, "what to record")->required()->check(CLI::IsMember(apso::testing::SyntheticSequence::names()));
   app.add_option("--output", output, "folder for the recording; one that apso_synth made before is replaced")
       ->required()

@@ -17,7 +17,6 @@
 #include <apso/observation/soft_weights.hpp>
 #include <apso/opencv/drawing.hpp>
 #include <apso/pipeline/pipeline.hpp>
-#include <apso/version.hpp>
 
 #include "report/page.hpp"
 #include "track/arguments.hpp"
@@ -285,7 +284,6 @@ int main(int argc, char** argv) {
       "Tracks an RGB-D sequence in which people and things move: finds what moves, rates how far each frame can be\n"
       "trusted, and writes the refined trajectory. Exit code: 0 done, 1 bad input, 2 wrong usage, 3 no frame got a pose,\n"
       "128 + n stopped by signal n."};
-  app.set_version_flag("--version", APSO_VERSION);
   track::declare_options(app, a);
   track::note_stop_signals();
   return track::run_main("apso_track", app, argc, argv, [&] { return Run(a, track::shell_command(argc, argv)).execute(); });

@@ -112,17 +112,18 @@ inline void declare_options(CLI::App& app, Arguments& a) {
                  "text file per image, named by its timestamp, lines: class cx cy width height [score]\n"
                  "relative to the image size, or left:.. top:.. right:.. bottom:.. class:NAME [score]")
       ->check(not_empty());
-  std::string policies;
+  std::string policies = "Policies of --motion:\n";
   const apso::opencv::MotionOptions motion_options;
   const apso::opencv::MotionFiles motion_files;
   const apso::Pinhole any_camera;
   for (const apso::NamedPolicy& p : apso::opencv::motion_table(any_camera, motion_options, motion_files)) {
-    policies += "\n  " + p.name + (p.takes_policy() ? "(P): " : ": ") + p.summary;
+    std::string name = p.name + (p.takes_policy() ? "(P)" : "");
+    name.resize(std::max<std::size_t>(name.size() + 2, 26), ' ');
+    policies += "  " + name + p.summary + '\n';
   }
   app.add_option("--motion", a.motion,
                  "motion policy, or a combination: P+Q either, P*Q both, P&Q objects of P that Q finds moving;\n"
-                 "brackets group. P and Q are:" +
-                     policies)
+                 "brackets group; the policies are listed below")
       ->capture_default_str();
   app.add_option("--model", a.model,
                  "ONNX file of a detection or segmentation network, for the policy dnn; its input size, thresholds\n"
@@ -149,6 +150,7 @@ inline void declare_options(CLI::App& app, Arguments& a) {
       },
       "print all settings of --config with their defaults and ranges");
   app.add_flag("--quiet", a.quiet, "no progress bar");
+  app.footer(policies);
   app.callback([&] { check(app, a); });
 }
 
