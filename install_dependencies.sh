@@ -3,7 +3,7 @@
 # --with-browser: also Chromium with Selenium (some 400 MB), for the test that opens a report in it.
 set -euo pipefail
 packages=(g++ cmake ninja-build libeigen3-dev libopencv-dev libcli11-dev nlohmann-json3-dev libyaml-cpp-dev gnuplot-nox
-          libbenchmark-dev doctest-dev clang clang-format git pkgconf python3 meson doxygen mkdocs-material
+          libbenchmark-dev doctest-dev clang clang-format git pkgconf help2man python3 meson doxygen mkdocs-material
           python3-pybind11 python3-numpy python3-dev python3-pip python3-setuptools python3-wheel)
 case "${1:-}" in
   '') ;;
