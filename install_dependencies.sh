@@ -4,7 +4,7 @@
 set -euo pipefail
 packages=(g++ cmake ninja-build libeigen3-dev libopencv-dev libcli11-dev nlohmann-json3-dev libyaml-cpp-dev gnuplot-nox
           libbenchmark-dev doctest-dev clang clang-format git pkgconf help2man python3 meson doxygen mkdocs-material
-          python3-pybind11 python3-numpy python3-dev python3-pip python3-setuptools python3-wheel)
+          python3-pybind11 python3-numpy python3-dev python3-pip python3-setuptools python3-wheel xvfb xdotool)
 case "${1:-}" in
   '') ;;
   --with-browser) packages+=(chromium chromium-driver python3-selenium) ;;

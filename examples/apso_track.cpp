@@ -32,6 +32,9 @@
 #include "track/signals.hpp"
 #include "track/stamps.hpp"
 #include "track/summary.hpp"
+#include "track/video.hpp"
+#include "track/view.hpp"
+#include "track/window.hpp"
 
 namespace {
 
@@ -68,6 +71,9 @@ class Run {
   std::optional<track::ResultFolder> out_;
   std::optional<track::FrameTable> table_;
   std::optional<track::OverlayChooser> overlays_;
+  std::optional<track::View> view_;  ///< of --video and --live
+  std::optional<track::VideoFile> video_;
+  std::optional<track::Window> window_;
   track::ProgressLine progress_;
   track::Record record_;
 
@@ -109,9 +115,14 @@ Run::Run(const Arguments& a, std::string command)
   std::vector<track::Input> inputs = a_.inputs();
   for (const std::string& folder : source_->folders()) inputs.push_back({"images of the recording", folder});
   track::keep_apart(a_.output, inputs);
-  out_.emplace(a_.output, track::result_files(a_.report));
+  if (a_.live) window_.emplace("apso_track " + a_.sequence);
+  std::vector<std::string> names = track::result_files(a_.report);
+  if (!a_.video.empty()) names.push_back(a_.video);
+  out_.emplace(a_.output, names);
   table_.emplace(out_->file("frames.csv").string());
   overlays_.emplace(*out_);
+  if (!a_.video.empty()) video_.emplace(out_->file(a_.video), source_->timestamps());
+  if (video_ || window_) view_.emplace(source_->groundtruth());
 }
 
 void Run::process(int i) {
@@ -170,6 +181,11 @@ void Run::process(int i) {
   };
   overlays_->offer({i, total_, frame.timestamp - source_->timestamp(0), source_->label(i)}, report, draw);
   if (a_.report) report::write_picture(*out_, i, draw(), frame.bgr.rows);
+  if (view_) {
+    const cv::Mat picture = view_->draw(draw(), report, i, frame.timestamp - source_->timestamp(0));
+    if (video_) video_->write(picture);
+    if (window_) window_->show(picture);
+  }
   if (a_.write_masks) {
     apso::opencv::mask_to_8bit(observation.mask, mask_out_);
     track::write_image(out_->file("masks/" + frame.name + ".png"), mask_out_);
@@ -202,6 +218,7 @@ void Run::write() {
   summary["refine"] = summary["options"]["pipeline"]["refine"];
 
   overlays_->finish();
+  if (video_) video_->finish();
   const bool evaluated = summary.contains("final") && summary["final"].is_object();
   const track::PlottedRun plotted = track::plotted_run(report::sequence_name(a_.sequence), record_.reports,
                                                        evaluated ? truth : apso::Trajectory{}, record_.feature_poses, record_.final_poses);
@@ -246,8 +263,8 @@ void Run::tell(const json& summary) const {
   if (none_rated && track::stamp_problem(source_->timestamps()).empty()) {
     std::printf("no frame was rated: the recording ended within the initialisation (%zu frames)\n", frames);
   }
-  std::printf("results in %s: trajectory.txt, frames.csv, summary.json, overview.png, overlays/%s\n", a_.output.c_str(),
-              a_.report ? ", report.html" : "");
+  std::printf("results in %s: trajectory.txt, frames.csv, summary.json, overview.png, overlays/%s%s%s\n", a_.output.c_str(),
+              a_.report ? ", report.html" : "", a_.video.empty() ? "" : ", ", a_.video.c_str());
 }
 
 int Run::execute() {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@
 #include "config.hpp"
 #include "degraded_source.hpp"
 #include "results.hpp"
+#include "video.hpp"
 
 namespace track {
 
@@ -31,10 +33,12 @@ struct Arguments {
   std::string spoil;
   std::string model;
   std::string classes;
+  std::string video;
   std::vector<std::string> movable;
   bool no_refinement = false;
   bool write_masks = false;
   bool report = false;
+  bool live = false;
   bool true_masks = false;
   bool quiet = false;
   int threads = 1;
@@ -88,6 +92,9 @@ inline void check(const CLI::App& app, const Arguments& a) {
   for (const char* option : {"--people", "--seed", "--true-masks"}) refuse(option, a.synthetic(), "only synthetic sequences have that");
   refuse("--camera", !a.synthetic(), "a synthetic sequence brings its own camera");
   refuse("--model", a.policy_is("dnn") || a.policy_is("semantic"), "no policy of --motion uses a network; take dnn or semantic");
+  const std::filesystem::path video(a.video);
+  refuse("--video", video_codec(video) != 0 && video == video.filename(),
+         "expected NAME.avi or NAME.mp4, without a folder: it is written into that of --output");
   const bool classified = !a.detections.empty() || !a.model.empty();
   for (const char* option : {"--classes", "--movable"}) refuse(option, classified, "nothing has classes without --detections or --model");
 }
@@ -135,6 +142,10 @@ inline void declare_options(CLI::App& app, Arguments& a) {
   app.add_flag("--no-refinement", a.no_refinement, "keep the poses of the feature tracker: pipeline.refine none");
   app.add_flag("--write-masks", a.write_masks, "write masks/ (8-bit PNG, 255 = dynamic, named by the colour image's timestamp)");
   app.add_flag("--report", a.report, "write report.html, the run as one page with every frame, and thumbnails/, the pictures in it");
+  app.add_option("--video", a.video,
+                 "write a video of this name into the folder of the results, NAME.avi (Motion JPEG) or\n"
+                 "NAME.mp4 (MPEG-4): every frame with its mask and scores, beside the path from above");
+  app.add_flag("--live", a.live, "show the same picture in a window: space holds, n or right is one frame, q or Esc stops");
   app.add_option("--threads", a.threads, "threads of the image operations")->check(CLI::Range(1, 256))->capture_default_str();
   app.add_option("--max-frames", a.max_frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);
   app.add_option("--spoil", a.spoil, "degrade two of every twenty frames, to test whether they are detected")
