@@ -7,6 +7,7 @@
 #include <apso/refinement/refiner.hpp>
 
 #include "../tests/refinement/room.hpp"
+#include "counters.hpp"
 
 namespace {
 
@@ -25,6 +26,14 @@ void build_pyramid(benchmark::State& state, apso::PyramidRole role) {
   const Scene& s = scene();
   apso::FramePyramid p;
   for (auto _ : state) p.build(s.current.view(), s.camera, s.current.probability, {}, role);
+  count_pixels(state, s.camera.width, s.camera.height);
+}
+
+/// \param pixels of all references at the finest level
+void count(benchmark::State& state, const apso::AlignmentResult& result, int pixels) {
+  count_pixels(state, pixels);
+  state.counters["iterations"] = result.iterations;
+  state.counters["error_mm"] = 1e3 * room::translation_error(result.T_world_camera, scene().truth);
 }
 
 void align(benchmark::State& state, int references, int finest, int max_pixels) {
@@ -42,8 +51,7 @@ void align(benchmark::State& state, int references, int finest, int max_pixels) 
     result = aligner.align(all, c, {apso::Pose::Identity()});
     benchmark::DoNotOptimize(result);
   }
-  state.counters["iterations"] = result.iterations;
-  state.counters["error_mm"] = 1e3 * room::translation_error(result.T_world_camera, s.truth);
+  count(state, result, references * r.level(0).pixels.count);
 }
 
 // One pass over all pixels of the finest level by each kernel: warp, weigh, sum.
@@ -64,7 +72,7 @@ void kernel(benchmark::State& state, apso::KernelKind kind) {
       benchmark::DoNotOptimize(sums);
     }
   }
-  state.SetItemsProcessed(state.iterations() * pixels.count);
+  count_pixels(state, pixels.count);
   state.counters["efficiency"] = apso::gaussian_efficiency(robust);  // share of the information of Gaussian residuals that it keeps
 }
 
@@ -82,8 +90,7 @@ void align_by(benchmark::State& state, apso::KernelKind kind) {
     result = aligner.align({{&r, apso::Pose::Identity(), 1.0}}, c, {apso::Pose::Identity()});
     benchmark::DoNotOptimize(result);
   }
-  state.counters["iterations"] = result.iterations;
-  state.counters["error_mm"] = 1e3 * room::translation_error(result.T_world_camera, s.truth);
+  count(state, result, r.level(0).pixels.count);
 }
 
 const bool every_kernel = [] {
@@ -92,9 +99,9 @@ const bool every_kernel = [] {
     const auto kind = static_cast<apso::KernelKind>(i);
     const std::string name = names[i];
     if (kind != apso::KernelKind::AdaptiveBarron) {  // the same loop as Barron's
-      benchmark::RegisterBenchmark(("kernel/" + name).c_str(), kernel, kind)->Unit(benchmark::kMicrosecond);
+      benchmark::RegisterBenchmark(("kernel/" + name).c_str(), kernel, kind);
     }
-    benchmark::RegisterBenchmark(("align_by/" + name).c_str(), align_by, kind)->Unit(benchmark::kMillisecond);
+    benchmark::RegisterBenchmark(("align_by/" + name).c_str(), align_by, kind);
   }
   return true;
 }();
@@ -107,10 +114,10 @@ void blend(benchmark::State& state) {
 
 }  // namespace
 
-BENCHMARK_CAPTURE(build_pyramid, current, apso::PyramidRole::Current)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(build_pyramid, reference, apso::PyramidRole::Reference)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(align, default_preset, 1, 1, 20000)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(align, dense_half_resolution, 1, 1, 1000000)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(align, full_resolution, 1, 0, 20000)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(align, three_references, 3, 1, 20000)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(build_pyramid, current, apso::PyramidRole::Current);
+BENCHMARK_CAPTURE(build_pyramid, reference, apso::PyramidRole::Reference);
+BENCHMARK_CAPTURE(align, default_preset, 1, 1, 20000);
+BENCHMARK_CAPTURE(align, dense_half_resolution, 1, 1, 1000000);
+BENCHMARK_CAPTURE(align, full_resolution, 1, 0, 20000);
+BENCHMARK_CAPTURE(align, three_references, 3, 1, 20000);
 BENCHMARK(blend);

@@ -11,6 +11,8 @@
 #include <apso/testing/synthetic.hpp>
 #include <apso/traits/frame.hpp>
 
+#include "counters.hpp"
+
 /// 16-bit depth with padding, as a driver delivers it.
 struct RawDepth {
   int width = 0;
@@ -59,9 +61,10 @@ void observe_and_remember(benchmark::State& state) {
     motion.observe(last, sequence.back().T_world_camera, {}, mask);
     benchmark::DoNotOptimize(mask.probability.data());
   }
+  count_pixels(state, last.depth.width, last.depth.height);
   state.counters["views"] = static_cast<double>(motion.reference_count());
 }
-BENCHMARK(observe_and_remember)->ArgName("correct_prior")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(observe_and_remember)->ArgName("correct_prior")->Arg(0)->Arg(1);
 
 // What a policy does with every frame before it looks for motion, on depth in metres and on raw 16 bit in its own unit.
 void reduce_a_frame(benchmark::State& state) {
@@ -86,8 +89,9 @@ void reduce_a_frame(benchmark::State& state) {
     }
     benchmark::DoNotOptimize(small.data());
   }
+  count_pixels(state, depth.width(), depth.height());
 }
-BENCHMARK(reduce_a_frame)->ArgName("raw_16_bit")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
+BENCHMARK(reduce_a_frame)->ArgName("raw_16_bit")->Arg(0)->Arg(1);
 
 void dilate_full_size(benchmark::State& state) {
   Image<float> image(640, 480, 0.0F);
@@ -100,8 +104,9 @@ void dilate_full_size(benchmark::State& state) {
     dilate(work, static_cast<int>(state.range(0)), scratch);
     benchmark::DoNotOptimize(work.data());
   }
+  count_pixels(state, image.width(), image.height());
 }
-BENCHMARK(dilate_full_size)->ArgName("radius")->Arg(3)->Arg(7)->Arg(15)->Unit(benchmark::kMillisecond);
+BENCHMARK(dilate_full_size)->ArgName("radius")->Arg(3)->Arg(7)->Arg(15);
 
 void objects_of_a_mask(benchmark::State& state) {
   DynamicMask mask;
@@ -112,7 +117,8 @@ void objects_of_a_mask(benchmark::State& state) {
   Image<float> depth(640, 480, 2.0F);
   ObjectTracker tracker;
   for (auto _ : state) benchmark::DoNotOptimize(tracker.update(mask, depth).size());
+  count_pixels(state, depth.width(), depth.height());
 }
-BENCHMARK(objects_of_a_mask)->Unit(benchmark::kMillisecond);
+BENCHMARK(objects_of_a_mask);
 
 }  // namespace

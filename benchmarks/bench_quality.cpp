@@ -10,6 +10,8 @@
 #include <apso/quality/assessor.hpp>
 #include <apso/quality/explain.hpp>
 
+#include "counters.hpp"
+
 namespace {
 using namespace apso;
 
@@ -88,15 +90,18 @@ void S_feature(benchmark::State& s) {
 }
 void S_sharp(benchmark::State& s) {
   for (auto _ : s) benchmark::DoNotOptimize(measure_sharpness(inputs().intensity));
+  count_pixels(s, 640, 480);
 }
 void S_depth(benchmark::State& s) {
   std::vector<float> scratch;
   for (auto _ : s) benchmark::DoNotOptimize(depth_score(inputs().depth, {}, {}, scratch));
+  count_pixels(s, 640, 480);
 }
 void S_depth_of_raw_16_bit(benchmark::State& s) {
   std::vector<float> scratch;
   const auto metres = scaled(inputs().raw, 1 / 5000.F);
   for (auto _ : s) benchmark::DoNotOptimize(depth_score(metres, {}, {}, scratch));
+  count_pixels(s, 640, 480);
 }
 void S_mc(benchmark::State& s) {
   MotionScratch scratch;
@@ -111,6 +116,7 @@ void S_dc(benchmark::State& s) {
     sample_depth(inputs().depth, inputs().mask, {}, b, scratch, scratch_mask);
     benchmark::DoNotOptimize(depth_change(a, b));
   }
+  count_pixels(s, 640, 480);
 }
 void S_dec(benchmark::State& s) {
   DetectionScratch scratch;
@@ -121,6 +127,7 @@ void Assess(benchmark::State& s) {
   double t = 0;
   for (int i = 0; i < 60; ++i) assessor.assess(inputs().frame(t += 1.0 / 30));
   for (auto _ : s) benchmark::DoNotOptimize(assessor.assess(inputs().frame(t += 1.0 / 30)).S_final);
+  count_pixels(s, 640, 480);
 }
 /// The same frame as other types: 8-bit grey, raw 16-bit depth, keypoints and tracks in lists of their own.
 void AssessForeign(benchmark::State& s) {
@@ -136,6 +143,7 @@ void AssessForeign(benchmark::State& s) {
   };
   for (int i = 0; i < 60; ++i) next();
   for (auto _ : s) benchmark::DoNotOptimize(next());
+  count_pixels(s, 640, 480);
 }
 void Explain(benchmark::State& s) {
   SceneAssessor assessor(inputs().camera);

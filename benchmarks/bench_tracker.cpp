@@ -9,6 +9,8 @@
 #include <apso/opencv/feature_tracker.hpp>
 #include <apso/testing/synthetic.hpp>
 
+#include "counters.hpp"
+
 namespace {
 using namespace apso;
 
@@ -49,6 +51,7 @@ void extract(benchmark::State& state) {
   std::vector<Keypoint> keypoints;
   cv::Mat descriptors;
   for (auto _ : state) orb.extract(r.gray[0], keypoints, descriptors);
+  count_pixels(state, r.camera.width, r.camera.height);
   state.counters["keypoints"] = static_cast<double>(keypoints.size());
 }
 
@@ -61,6 +64,7 @@ void follow(benchmark::State& state) {
   orb.extract(r.gray[0], keypoints, descriptors);
   std::size_t i = 0;
   for (auto _ : state) lk.track(r.gray[back_and_forth(i++)], keypoints);
+  count_pixels(state, r.camera.width, r.camera.height);
   state.counters["tracks"] = static_cast<double>(lk.tracks().size());
 }
 
@@ -68,6 +72,7 @@ void track_frame(benchmark::State& state) {
   const Recording& r = recording();
   opencv::FeatureTracker tracker(r.camera);
   std::size_t i = 0;
+  double error = 0;
   for (auto _ : state) {
     const std::size_t k = back_and_forth(i);
     RgbdFrame frame = r.frames[k].rgbd();
@@ -76,11 +81,15 @@ void track_frame(benchmark::State& state) {
     (void)tracker.estimate({});
     const opencv::FeatureResult result = tracker.estimate({});
     tracker.commit(result.T_world_camera, {}, true);
+    const Pose T_truth = inverse(r.frames[0].T_world_camera) * r.frames[k].T_world_camera;
+    error = (result.T_world_camera.translation() - T_truth.translation()).norm();
   }
+  count_pixels(state, r.camera.width, r.camera.height);
+  state.counters["error_mm"] = 1e3 * error;  // of the last frame
   state.counters["landmarks"] = tracker.landmarks();
 }
 }  // namespace
 
-BENCHMARK(extract)->Unit(benchmark::kMillisecond);
-BENCHMARK(follow)->Unit(benchmark::kMillisecond);
-BENCHMARK(track_frame)->Unit(benchmark::kMillisecond);
+BENCHMARK(extract);
+BENCHMARK(follow);
+BENCHMARK(track_frame);

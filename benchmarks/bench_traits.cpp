@@ -18,6 +18,7 @@
 #include "../examples/integrate/types/recipes.hpp"
 #include "../tests/foreign_types.hpp"
 #include "../tests/refinement/room.hpp"
+#include "counters.hpp"
 
 namespace {
 using EigenRows = Eigen::Array<std::uint16_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -78,6 +79,7 @@ void read(benchmark::State& state, Get get) {
       benchmark::ClobberMemory();
     }
   }
+  count_pixels(state, scene().camera.width, height);
 }
 
 // Reading, in what has to be done anyway: the pyramid of the current frame.
@@ -91,6 +93,7 @@ void pyramid(benchmark::State& state, Get get) {
     p.build(frame, s.camera, {}, {}, apso::PyramidRole::Current);
     benchmark::ClobberMemory();
   }
+  count_pixels(state, s.camera.width, s.camera.height);
 }
 
 template <class Get>
@@ -107,6 +110,9 @@ void align(benchmark::State& state, Get get) {
     result = run(a, b);
     benchmark::DoNotOptimize(result);
   }
+  count_pixels(state, s.camera.width, s.camera.height);
+  state.counters["iterations"] = result.detail.iterations;
+  state.counters["error_mm"] = 1e3 * (result.T_current_reference.translation() - apso::inverse(s.truth).translation()).norm();
   // float millimetres are rounded twice
   if ((result.T_current_reference.matrix() - expected.T_current_reference.matrix()).norm() > 1e-4) {
     state.SkipWithError("another result than the library's own type");
@@ -125,6 +131,7 @@ void working_copy(benchmark::State& state, Get get) {
     benchmark::DoNotOptimize(work.frame());
     benchmark::ClobberMemory();
   }
+  count_pixels(state, s.camera.width, s.camera.height);
 }
 
 void rectify_intensity(benchmark::State& state) {
@@ -135,6 +142,7 @@ void rectify_intensity(benchmark::State& state) {
     benchmark::DoNotOptimize(out.data());
     benchmark::ClobberMemory();
   }
+  count_pixels(state, 640, 480);
 }
 void rectify_depth(benchmark::State& state) {
   const apso::Rectifier rectifier(apso::camera_by_name("tum-fr1"), 640, 480);
@@ -144,6 +152,7 @@ void rectify_depth(benchmark::State& state) {
     benchmark::DoNotOptimize(out.data());
     benchmark::ClobberMemory();
   }
+  count_pixels(state, 640, 480);
 }
 
 const auto own_float = [](const DepthTypes& d) -> const auto& { return d.metres; };
@@ -172,11 +181,11 @@ void pose_round_trip(benchmark::State& state) {
 }
 }  // namespace
 
-#define APSO_BENCH_TYPE(type)                                                 \
-  BENCHMARK_CAPTURE(read, type, type)->Unit(benchmark::kMicrosecond);         \
-  BENCHMARK_CAPTURE(pyramid, type, type)->Unit(benchmark::kMillisecond);      \
-  BENCHMARK_CAPTURE(working_copy, type, type)->Unit(benchmark::kMicrosecond); \
-  BENCHMARK_CAPTURE(align, type, type)->Unit(benchmark::kMillisecond)
+#define APSO_BENCH_TYPE(type)                  \
+  BENCHMARK_CAPTURE(read, type, type);         \
+  BENCHMARK_CAPTURE(pyramid, type, type);      \
+  BENCHMARK_CAPTURE(working_copy, type, type); \
+  BENCHMARK_CAPTURE(align, type, type)
 APSO_BENCH_TYPE(own_float);
 APSO_BENCH_TYPE(float_rows);
 APSO_BENCH_TYPE(float_millimetres);
@@ -186,8 +195,8 @@ APSO_BENCH_TYPE(cv_mat);
 APSO_BENCH_TYPE(eigen_rows);
 APSO_BENCH_TYPE(cloud);
 APSO_BENCH_TYPE(bytes);
-BENCHMARK(rectify_intensity)->Unit(benchmark::kMicrosecond);
-BENCHMARK(rectify_depth)->Unit(benchmark::kMicrosecond);
+BENCHMARK(rectify_intensity);
+BENCHMARK(rectify_depth);
 BENCHMARK_TEMPLATE(pose_round_trip, apso::Pose);
 BENCHMARK_TEMPLATE(pose_round_trip, Eigen::Isometry3f);
 BENCHMARK_TEMPLATE(pose_round_trip, host::QuaternionPose);
