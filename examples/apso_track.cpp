@@ -222,7 +222,7 @@ void Run::write() {
   const bool evaluated = summary.contains("final") && summary["final"].is_object();
   const track::PlottedRun plotted = track::plotted_run(report::sequence_name(a_.sequence), record_.reports,
                                                        evaluated ? truth : apso::Trajectory{}, record_.feature_poses, record_.final_poses);
-  for (const char* format : {".png", ".svg"}) {
+  for (const char* format : {".png", ".svg", ".pdf"}) {
     track::plot_trajectory(out_->file(std::string("trajectory") + format), plotted);
     track::plot_scores(out_->file(std::string("scores") + format), plotted);
   }

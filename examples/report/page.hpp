@@ -57,7 +57,7 @@ inline std::string page(std::vector<RunReport> runs, double megabytes) {
   json links = json::array();
   for (const Pictures& run : pictures) {
     json of_run = json::object();
-    for (const auto& [frame, jpeg] : run) of_run[std::to_string(frame)] = data_uri(jpeg);
+    for (const auto& [frame, jpeg] : run) of_run[std::to_string(frame)] = track::data_uri("image/jpeg", jpeg);
     links.push_back(std::move(of_run));
   }
   return page_begin() + numbers + page_between() + embeddable(links) + page_end();

@@ -19,6 +19,7 @@
 
 #include <apso/io/tum_text.hpp>
 
+#include "../track/data_uri.hpp"
 #include "../track/results.hpp"
 
 namespace report {
@@ -94,22 +95,6 @@ inline void fit(std::vector<Pictures>& runs, double limit) {
     double i = 0;
     for (auto it = run.begin(); it != run.end(); ++i) it = std::fmod(i, step) == 0 ? std::next(it) : run.erase(it);
   }
-}
-
-/// A picture as the text of a link that holds it.
-inline std::string data_uri(const std::string& jpeg) {
-  static constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out = "data:image/jpeg;base64,";
-  out.reserve(out.size() + jpeg.size() * 4 / 3 + 4);
-  for (std::size_t i = 0; i < jpeg.size(); i += 3) {
-    const auto byte = [&](std::size_t k) { return i + k < jpeg.size() ? static_cast<unsigned char>(jpeg[i + k]) : 0U; };
-    const unsigned three = byte(0) << 16U | byte(1) << 8U | byte(2);
-    out += digits[three >> 18U];
-    out += digits[three >> 12U & 63U];
-    out += i + 1 < jpeg.size() ? digits[three >> 6U & 63U] : '=';
-    out += i + 2 < jpeg.size() ? digits[three & 63U] : '=';
-  }
-  return out;
 }
 
 }  // namespace report

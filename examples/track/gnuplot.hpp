@@ -38,7 +38,7 @@ inline std::string quoted(const std::string& text) {
 /// A picture that gnuplot draws from what is written to it through a pipe. Without gnuplot there is no picture.
 class Gnuplot {
  public:
-  /// \param file the picture, .png or .svg
+  /// \param file the picture, .png, .svg or .pdf
   /// \param width, height [px]
   Gnuplot(std::filesystem::path file, int width, int height, int font) : file_(std::move(file)) {
     int ends[2];
@@ -54,8 +54,7 @@ class Gnuplot {
     posix_spawn_file_actions_destroy(&actions);
     ::close(ends[0]);
     pipe_.reset(::fdopen(ends[1], "w"));
-    (*this)(std::string("set terminal ") + (svg() ? "svg" : "pngcairo") + " size " + std::to_string(width) + "," + std::to_string(height) +
-            " font 'sans," + std::to_string(font) + "' background rgb 'white'");
+    (*this)("set terminal " + terminal(width, height) + " font 'sans," + std::to_string(font) + "' background rgb 'white'");
   }
   ~Gnuplot() { (void)wait(); }
   Gnuplot(const Gnuplot&) = delete;
@@ -77,7 +76,8 @@ class Gnuplot {
     std::ifstream picture(file_, std::ios::binary);
     const std::string bytes{std::istreambuf_iterator<char>(picture), {}};
     const std::string end = bytes.substr(bytes.size() - std::min<std::size_t>(bytes.size(), 12));
-    const bool whole = end.find(svg() ? "</svg>" : "IEND") != std::string::npos;  // IEND: the last chunk of a PNG
+    const char* last = svg() ? "</svg>" : pdf() ? "%%EOF" : "IEND";  // IEND: the last chunk of a PNG
+    const bool whole = end.find(last) != std::string::npos;
     if (!whole) throw apso::io_error(file_.string() + ": cannot write (disk full?)");
   }
   /// Inline data of a `plot '-'`: rows of numbers; a row with a NaN breaks the line.
@@ -98,6 +98,17 @@ class Gnuplot {
 
  private:
   [[nodiscard]] bool svg() const { return file_.extension() == ".svg"; }
+  [[nodiscard]] bool pdf() const { return file_.extension() == ".pdf"; }
+  [[nodiscard]] std::string terminal(int width, int height) const {
+    char text[80];
+    constexpr double dots_per_inch = 72;  // of the fonts of the other formats
+    if (pdf()) {
+      std::snprintf(text, sizeof text, "pdfcairo fontscale 0.8 size %.4fin,%.4fin", width / dots_per_inch, height / dots_per_inch);
+    } else {
+      std::snprintf(text, sizeof text, "%s size %d,%d", svg() ? "svg" : "pngcairo", width, height);
+    }
+    return text;
+  }
   int wait() {
     pipe_.reset();
     int status = 0;

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <map>
 #include <string>
 #include <vector>
@@ -19,6 +21,7 @@
 #include <apso/evaluation/ate.hpp>
 #include <apso/pipeline/report.hpp>
 
+#include "data_uri.hpp"
 #include "plots.hpp"
 #include "results.hpp"
 
@@ -116,7 +119,7 @@ class OverlayChooser {
 /// Trajectory, scores and contact sheet in one picture.
 inline void write_overview(ResultFolder& folder) {
   const std::filesystem::path& out = folder.unfinished();
-  for (const char* part : {"scores.png", "trajectory.png", "contact_sheet.png"}) {
+  for (const char* part : {"scores.png", "scores.svg", "trajectory.png", "trajectory.svg", "contact_sheet.png"}) {
     if (!std::filesystem::exists(out / part)) return;
   }
   const cv::Mat scores = cv::imread((out / "scores.png").string());
@@ -131,6 +134,27 @@ inline void write_overview(ResultFolder& folder) {
   cv::Mat page;
   cv::vconcat(top, sheet, page);
   write_image(folder.file("overview.png"), page);
+
+  // The same page, of the plots as lines and text, and of the sheet as JPEG. Each is a picture of its own, so that the names that
+  // gnuplot gives to its marks do not meet.
+  std::string svg =
+      "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" "
+      "xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 " +
+      std::to_string(page.cols) + ' ' + std::to_string(page.rows) + "\">\n";
+  const auto place = [&svg](int x, int y, cv::Size size, const std::string& picture) {
+    svg += "<image x=\"" + std::to_string(x) + "\" y=\"" + std::to_string(y) + "\" width=\"" + std::to_string(size.width) + "\" height=\"" +
+           std::to_string(size.height) + "\" xlink:href=\"" + picture + "\"/>\n";
+  };
+  const auto plot = [&out](const char* name) {
+    std::ifstream in(out / name, std::ios::binary);
+    return data_uri("image/svg+xml", {std::istreambuf_iterator<char>(in), {}});
+  };
+  std::vector<unsigned char> jpeg;
+  if (!cv::imencode(".jpg", sheet, jpeg)) throw apso::io_error("contact_sheet.png: cannot be encoded as JPEG");
+  place(0, 0, left.size(), plot("trajectory.svg"));
+  place(left.cols, 0, scores.size(), plot("scores.svg"));
+  place(0, top.rows, sheet.size(), data_uri("image/jpeg", {jpeg.begin(), jpeg.end()}));
+  write_file(folder.file("overview.svg"), svg + "</svg>\n");
 }
 
 /// What the plots show of a run. \param title name of the sequence \param truth empty: none that can be compared

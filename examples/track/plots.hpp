@@ -1,5 +1,5 @@
 /// \file
-/// The two plots of a run, as PNG and as SVG.
+/// The two plots of a run, as PNG, SVG or PDF.
 #pragma once
 
 #include <algorithm>

@@ -26,9 +26,10 @@ namespace track {
 
 /// Files that apso_track may write, besides overlays/NNNNNN.png, masks/NAME.png and thumbnails/NNNNNN.jpg.
 inline std::vector<std::string> result_files(bool report = false) {
-  std::vector<std::string> names{
-      "frames.csv", "trajectory.txt", "trajectory_features.txt", "groundtruth.txt", "trajectory.png", "trajectory.svg",
-      "scores.png", "scores.svg",     "contact_sheet.png",       "overview.png",    "summary.json"};
+  std::vector<std::string> names{"frames.csv",     "trajectory.txt", "trajectory_features.txt", "groundtruth.txt",
+                                 "trajectory.png", "trajectory.svg", "trajectory.pdf",          "scores.png",
+                                 "scores.svg",     "scores.pdf",     "contact_sheet.png",       "overview.png",
+                                 "overview.svg",   "summary.json"};
   if (report) names.emplace_back("report.html");
   return names;
 }

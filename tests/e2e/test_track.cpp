@@ -42,8 +42,9 @@ TEST_CASE("apso_track runs the whole method on people walking, and apso_eval agr
   const Outcome o = run(APSO_TRACK, "synthetic:walking_xyz --max-frames 60 --quiet --write-masks --output " + out.string(), f.path);
   INFO(o.text);
   REQUIRE(o.code == 0);
-  for (const char* file : {"trajectory.txt", "trajectory_features.txt", "frames.csv", "summary.json", "trajectory.png", "scores.png",
-                           "contact_sheet.png", "overview.png"}) {
+  for (const char* file :
+       {"trajectory.txt", "trajectory_features.txt", "frames.csv", "summary.json", "trajectory.png", "scores.png", "trajectory.svg",
+        "trajectory.pdf", "scores.svg", "scores.pdf", "contact_sheet.png", "overview.png", "overview.svg"}) {
     CAPTURE(file);
     CHECK(fs::file_size(out / file) > 0);
   }
