@@ -79,7 +79,6 @@ void read(benchmark::State& state, Get get) {
       benchmark::ClobberMemory();
     }
   }
-  count_pixels(state, scene().camera.width, height);
 }
 
 // Reading, in what has to be done anyway: the pyramid of the current frame.
