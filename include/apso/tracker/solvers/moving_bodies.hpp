@@ -81,14 +81,15 @@ class MovingBodies {
 
  private:
   static constexpr std::size_t kClusters = 12;
-  static constexpr int kRounds = 6;              // of k-means
-  static constexpr std::size_t kMinPoints = 10;  // fewer have no motion of their own
-  static constexpr double kMotionCost = 30;      // of a motion of its own: 3 ln n of six parameters, and what a lens or a
-                                                 // rolling shutter gives a part of the image
-  static constexpr double kOutlierCost = 6;      // of a point: from 3.5 standard deviations on it is an outlier
-  static constexpr double kMinPixelNoise = 0.3;  // tracks are not believed to be better [px]
-  static constexpr double kClearMotion = 1.5;    // typical residual of a body that moves for certain [px]
-  static constexpr double kReach = 0.6;          // how far a cluster speaks for points around its centre [m]
+  static constexpr int kRounds = 6;                     // of k-means
+  static constexpr std::size_t kMinPoints = 10;         // fewer have no motion of their own
+  static constexpr double kMotionCost = 30;             // of a motion of its own: 3 ln n of six parameters, and what a lens or a
+                                                        // rolling shutter gives a part of the image
+  static constexpr double kOutlierCost = 6;             // of a point: from 3.5 standard deviations on it is an outlier
+  static constexpr double kMinPixelNoise = 0.3;         // tracks are not believed to be better [px]
+  static constexpr double kClearMotion = 1.5;           // typical residual of a body that moves for certain [px]
+  static constexpr PoseOptimisationOptions kFit{2, 4};  // motions are compared here, and the one chosen is refined by the caller
+  static constexpr double kReach = 0.6;                 // how far a cluster speaks for points around its centre [m]
 
   struct Cluster {
     Eigen::Vector3d centre = zeros<Eigen::Vector3d>();
@@ -194,7 +195,7 @@ class MovingBodies {
     return *middle;
   }
   bool fit(std::vector<PointObservation>& observations, Pose& T) const {
-    const PoseOptimisation found = optimise_pose(camera_, observations, T);
+    const PoseOptimisation found = optimise_pose(camera_, observations, T, kFit);
     if (!succeeded(found.status)) return false;
     T = found.T_world_camera;
     return true;

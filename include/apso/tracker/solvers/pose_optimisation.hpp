@@ -92,7 +92,7 @@ inline void twist_jacobian(const Eigen::Matrix3d& J, const Eigen::Vector3d& p, d
   return (r.x() * r.x() + r.y() * r.y()) / (scale * scale) + r.z() * r.z();
 }
 
-/// PassMarks the inliers at a pose and counts them.
+/// Marks the inliers at a pose and counts them.
 /// \param scale noise of u and v, in sigma
 /// \param widen factor on the chi-square limits
 inline int mark_inliers(const Pinhole& camera, std::vector<PointObservation>& observations, const Pose& T_world_camera, double scale = 1,
