@@ -180,16 +180,17 @@ std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track
   std::string problem;
   for (int k = 0; k < total; ++k) {
     const int i = a.reverse ? total - 1 - k : k;
-    if (const auto broken = s.source->load(i, frame)) {
+    s.source->load(i, frame);
+    if (!frame.ok()) {
       ++skipped;
-      problem = *broken;
+      problem = frame.error;
       continue;
     }
-    if (a.reverse) frame.rgbd.timestamp = k / 30.0;
+    apso::RgbdFrame rgbd = frame.rgbd();
+    if (a.reverse) rgbd.timestamp = k / 30.0;
     truth.mask.release();
     if (s.synthetic != nullptr) {
-      const auto& instance = s.synthetic->truth().instance;
-      truth.mask = cv::Mat(instance.height(), instance.width(), CV_8U, const_cast<std::uint8_t*>(instance.data()));
+      truth.mask = cv::Mat(frame.gray.size(), CV_8U, frame.instance.data());
     } else if (s.masks) {
       const std::string file = s.masks->at(frame.timestamp);
       if (!file.empty()) truth.mask = apso::opencv::read_mask(file, frame.gray.size());
@@ -197,15 +198,15 @@ std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track
     const bool known = !s.masks || !truth.mask.empty();
     judged += known ? 1 : 0;
     for (const auto& r : runners) {
-      r->tracker.begin(frame.gray, frame.rgbd);
+      r->tracker.begin(frame.gray, rgbd);
       const auto prior = r->tracker.estimate(r->mask.probability);
       const double start = cpu_ms();
-      r->policy.observe(frame.rgbd, prior.T_world_camera, r->tracker.tracks(), r->mask);
+      r->policy.observe(rgbd, prior.T_world_camera, r->tracker.tracks(), r->mask);
       double spent = cpu_ms() - start;
       const auto features = r->tracker.estimate(r->mask.probability);
       const apso::Pose& pose = features.ok ? features.T_world_camera : features.T_world_predicted;
       const double again = cpu_ms();
-      r->policy.remember(frame.rgbd, pose, r->mask);
+      r->policy.remember(rgbd, pose, r->mask);
       spent += cpu_ms() - again;
       r->tracker.commit(pose, r->mask.probability, features.ok);
       r->score.ms += spent;

@@ -23,6 +23,7 @@
 #include "track/command_line.hpp"
 #include "track/config.hpp"
 #include "track/degraded_source.hpp"
+#include "track/frame_ahead.hpp"
 #include "track/open_source.hpp"
 #include "track/output.hpp"
 #include "track/pictures.hpp"
@@ -35,6 +36,7 @@
 #include "track/video.hpp"
 #include "track/view.hpp"
 #include "track/window.hpp"
+#include "track/write_behind.hpp"
 
 namespace {
 
@@ -62,7 +64,7 @@ class Run {
   std::string command_;
   track::Config options_;
   std::unique_ptr<track::FrameSource> source_;
-  track::SyntheticSource* synthetic_ = nullptr;  ///< the source, if it is one
+  std::optional<track::FrameAhead> frames_;
   std::unique_ptr<track::MaskFolder> masks_;
   std::unique_ptr<apso::DetectionLog> detections_;
   int total_ = 0;  ///< frames to process
@@ -77,10 +79,9 @@ class Run {
   track::ProgressLine progress_;
   track::Record record_;
 
-  track::LoadedFrame frame_;
   cv::Mat mask_;
-  cv::Mat mask_out_;
-  apso::Image<float> soft_;  ///< the mask, softened
+  apso::Image<float> soft_;                   ///< the mask, softened
+  std::optional<track::WriteBehind> writer_;  ///< last: its thread ends before what it uses
 };
 
 Run::Run(const Arguments& a, std::string command)
@@ -89,7 +90,6 @@ Run::Run(const Arguments& a, std::string command)
   if (a_.no_refinement) options_.pipeline.refine = apso::RefinedFrames::None;
 
   source_ = track::open_source(a_);
-  synthetic_ = dynamic_cast<track::SyntheticSource*>(source_.get());
   if (!a_.spoil.empty()) source_ = std::make_unique<track::DegradedSource>(std::move(source_), a_.spoil);
   total_ = a_.max_frames > 0 ? std::min(a_.max_frames, source_->size()) : source_->size();
 
@@ -109,9 +109,11 @@ Run::Run(const Arguments& a, std::string command)
     std::fprintf(stderr, "warning: %s: %s\n", a_.sequence.c_str(), w.c_str());
   }
 
-  cv::setNumThreads(a_.threads);
+  cv::setNumThreads(std::max(1, a_.threads - 1));
   pipeline_.emplace(source_->camera(), std::move(motion), options_.pipeline);
   tracker_.emplace(source_->camera(), options_.tracker);
+  frames_.emplace(*source_, options_.tracker, total_, a_.threads > 1);
+  writer_.emplace(a_.threads > 1);
   std::vector<track::Input> inputs = a_.inputs();
   for (const std::string& folder : source_->folders()) inputs.push_back({"images of the recording", folder});
   track::keep_apart(a_.output, inputs);
@@ -120,7 +122,7 @@ Run::Run(const Arguments& a, std::string command)
   if (!a_.video.empty()) names.push_back(a_.video);
   out_.emplace(a_.output, names);
   table_.emplace(out_->file("frames.csv").string());
-  overlays_.emplace(*out_);
+  overlays_.emplace(*out_, *writer_);
   if (!a_.video.empty()) video_.emplace(out_->file(a_.video), source_->timestamps());
   if (video_ || window_) view_.emplace(source_->groundtruth());
 }
@@ -128,28 +130,31 @@ Run::Run(const Arguments& a, std::string command)
 void Run::process(int i) {
   Pipeline& pipeline = *pipeline_;
   apso::opencv::FeatureTracker& tracker = *tracker_;
-  track::LoadedFrame& frame = frame_;
-  track::Stopwatch watch;
-  track::Timing ms;
-  if (const auto problem = source_->load(i, frame)) {
-    record_.skipped.push_back({{"frame", i}, {"timestamp", source_->timestamp(i)}, {"reason", *problem}});
+  track::Stopwatch whole;
+  const track::ReadyFrame& ready = frames_->next();
+  const track::LoadedFrame& frame = ready.images;
+  if (!frame.ok()) {
+    record_.skipped.push_back({{"frame", i}, {"timestamp", source_->timestamp(i)}, {"reason", frame.error}});
     return;
   }
+  track::Stopwatch watch;
+  track::Timing ms;
   mask_ = masks_ ? masks_->load(frame.name, frame.gray.size(), record_.use) : cv::Mat();
-  if (a_.true_masks) mask_ = cv::Mat(frame.gray.size(), CV_8UC1, const_cast<std::uint8_t*>(synthetic_->truth().instance.data())).clone();
-  ms.load = watch.lap();
+  if (a_.true_masks) mask_ = cv::Mat(frame.gray.size(), CV_8UC1, const_cast<std::uint8_t*>(frame.instance.data()));
+  ms.load = ready.load_ms + watch.lap();
 
-  tracker.begin(frame.gray, frame.rgbd);
+  const apso::RgbdFrame rgbd = frame.rgbd();
+  tracker.begin(ready.features, rgbd);
   // The last mask is close enough for a first pose; the motion policy starts from that.
   const auto prior = tracker.estimate(pipeline.observation().mask.probability);
-  ms.features = watch.lap();
+  ms.features = ready.features_ms + watch.lap();
 
   if (detections_ && detections_->covers(frame.timestamp)) ++record_.use.detections;
   const auto* objects = detections_ ? &detections_->at(frame.timestamp) : nullptr;
   apso::ImageView<const std::uint8_t> labels;
   if (!mask_.empty()) labels = apso::opencv::as_image<std::uint8_t>(mask_);
   const apso::Observation& observation =
-      pipeline.observe(frame.rgbd, prior.T_world_camera, tracker.tracks(), objects, labels.empty() ? nullptr : &labels);
+      pipeline.observe(rgbd, prior.T_world_camera, tracker.tracks(), objects, labels.empty() ? nullptr : &labels);
   ms.observe = watch.lap();
 
   const apso::StaticSupport support = apso::static_support(observation.mask.probability, tracker.keypoints());
@@ -172,26 +177,32 @@ void Run::process(int i) {
   if (report.state != apso::SceneState::Lost) record_.final_poses.push_back({frame.timestamp, report.T_world_camera});
   if (features.ok) record_.feature_poses.push_back({frame.timestamp, report.T_world_feature});
   record_.reports.push_back(report);
-  record_.timings.push_back(ms);
   table_->write(i, source_->label(i), report, observation, features, tracker.keyframes(), tracker.landmarks(), ms);
   cv::Mat overlay;
   const auto draw = [&] {
-    if (overlay.empty()) overlay = apso::opencv::draw_overlay(frame.bgr, observation, tracker.keypoints(), report);
+    if (overlay.empty()) overlay = apso::opencv::draw_overlay(frame.colour, observation, tracker.keypoints(), report);
     return overlay;
   };
   overlays_->offer({i, total_, frame.timestamp - source_->timestamp(0), source_->label(i)}, report, draw);
-  if (a_.report) report::write_picture(*out_, i, draw(), frame.bgr.rows);
+  if (a_.report) {
+    writer_->add([file = out_->file(report::picture_name(i)), picture = draw(), rows = frame.colour.rows] {
+      report::write_picture(file, picture, rows);
+    });
+  }
   if (view_) {
     const cv::Mat picture = view_->draw(draw(), report, i, frame.timestamp - source_->timestamp(0));
-    if (video_) video_->write(picture);
+    if (video_) writer_->add([this, picture] { video_->write(picture); });
     if (window_) window_->show(picture);
   }
   if (a_.write_masks) {
-    apso::opencv::mask_to_8bit(observation.mask, mask_out_);
-    track::write_image(out_->file("masks/" + frame.name + ".png"), mask_out_);
+    cv::Mat picture;
+    apso::opencv::mask_to_8bit(observation.mask, picture);
+    writer_->add([file = out_->file("masks/" + frame.name + ".png"), picture] { track::write_image(file, picture); });
   }
+  ms.wall = whole.lap();
+  record_.timings.push_back(ms);
   char state[64];
-  std::snprintf(state, sizeof state, "%-12s %5.1f ms/frame", to_string(report.state), ms.total());
+  std::snprintf(state, sizeof state, "%-12s %5.1f ms/frame", to_string(report.state), ms.wall);
   progress_.show(i + 1, total_, state);
 }
 
@@ -276,6 +287,11 @@ int Run::execute() {
       record_.failure = "frame " + std::to_string(i) + ": " + e.what();
       break;
     }
+  }
+  try {
+    writer_->finish();
+  } catch (const std::exception& e) {
+    if (record_.failure.empty()) record_.failure = e.what();
   }
   const int stopped = track::stop_signal;
   if (record_.failure.empty()) record_.failure = stopped != 0 ? "interrupted" : unused();

@@ -38,11 +38,16 @@ inline std::string small_jpeg(const cv::Mat& picture, int width, int quality) {
   return {bytes.begin(), bytes.end()};
 }
 
-/// Writes the small picture of a frame. \param overlay with its banner, which the page tells in words
-inline void write_picture(track::ResultFolder& folder, int frame, const cv::Mat& overlay, int rows_without_banner) {
+/// Name of the small picture of a frame in a folder of results.
+inline std::string picture_name(int frame) {
   char name[40];
   std::snprintf(name, sizeof name, "%s/%06d.jpg", picture_folder, frame);
-  track::write_file(folder.file(name), small_jpeg(overlay.rowRange(0, rows_without_banner), 320, 60));
+  return name;
+}
+
+/// Writes the small picture of a frame. \param overlay with its banner, which the page tells in words
+inline void write_picture(const std::filesystem::path& file, const cv::Mat& overlay, int rows_without_banner) {
+  track::write_file(file, small_jpeg(overlay.rowRange(0, rows_without_banner), 320, 60));
 }
 
 /// The small pictures of a run, else its overlays.

@@ -41,7 +41,7 @@ struct Arguments {
   bool live = false;
   bool true_masks = false;
   bool quiet = false;
-  int threads = 1;
+  int threads = 2;
   int max_frames = 0;
   int people = -1;
   unsigned seed = 1;
@@ -146,7 +146,11 @@ inline void declare_options(CLI::App& app, Arguments& a) {
                  "write a video of this name into the folder of the results, NAME.avi (Motion JPEG) or\n"
                  "NAME.mp4 (MPEG-4): every frame with its mask and scores, beside the path from above");
   app.add_flag("--live", a.live, "show the same picture in a window: space holds, n or right is one frame, q or Esc stops");
-  app.add_option("--threads", a.threads, "threads of the image operations")->check(CLI::Range(1, 256))->capture_default_str();
+  app.add_option("--threads", a.threads,
+                 "threads: from 2 on, one loads the next frame and finds its features, and one writes\npictures; the others share the "
+                 "image operations. The results do not depend on it")
+      ->check(CLI::Range(1, 256))
+      ->capture_default_str();
   app.add_option("--max-frames", a.max_frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);
   app.add_option("--spoil", a.spoil, "degrade two of every twenty frames, to test whether they are detected")
       ->check(CLI::IsMember(DegradedSource::kinds()));

@@ -5,7 +5,6 @@
 #include <array>
 #include <cstddef>
 #include <memory>
-#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -34,25 +33,18 @@ class DegradedSource final : public FrameSource {
   std::set<std::string> folders() const override { return source_->folders(); }
   std::string label(int i) const override { return degraded(i) ? kind_ : source_->label(i); }
 
-  std::optional<std::string> load(int i, LoadedFrame& out) override {
-    auto problem = source_->load(i, out);
-    if (problem || !degraded(i)) return problem;
-    out.bgr = out.bgr.clone();
+  void load(int i, LoadedFrame& out) override {
+    source_->load(i, out);
+    if (!out.ok() || !degraded(i)) return;
     if (kind_ == "no-depth") {
-      depth_.assign(out.bgr.cols, out.bgr.rows, 0.0F);
-      out.rgbd.depth = depth_.view();
-      return problem;
+      out.depth.assign(out.depth.width(), out.depth.height(), 0.0F);
+      return;
     }
-    degrade(out.bgr, (i / 20) % 2 == 1);
-    cv::cvtColor(out.bgr, gray_, cv::COLOR_BGR2GRAY);
-    out.gray = gray_;
-    intensity_.resize(gray_.cols, gray_.rows);
-    for (int y = 0; y < gray_.rows; ++y) {
-      const auto* from = gray_.ptr<unsigned char>(y);
-      for (int x = 0; x < gray_.cols; ++x) intensity_(x, y) = static_cast<float>(from[x]) / 255.0F;
+    degrade(out.colour, (i / 20) % 2 == 1);
+    cv::cvtColor(out.colour, out.gray, cv::COLOR_BGR2GRAY);
+    for (int y = 0; y < out.gray.rows; ++y) {
+      for (int x = 0; x < out.gray.cols; ++x) out.intensity(x, y) = static_cast<float>(out.gray(y, x)) / 255.0F;
     }
-    out.rgbd.intensity = intensity_.view();
-    return problem;
   }
 
  private:
@@ -72,9 +64,6 @@ class DegradedSource final : public FrameSource {
 
   std::unique_ptr<FrameSource> source_;
   std::string kind_;
-  cv::Mat gray_;
-  apso::Image<float> intensity_;
-  apso::Image<float> depth_;
 };
 
 }  // namespace track

@@ -2,10 +2,9 @@
 /// Sources of frames for apso_track: a recording in TUM format, or the synthetic generator.
 #pragma once
 
+#include <cstdint>
+#include <cstdio>
 #include <filesystem>
-#include <map>
-#include <memory>
-#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -26,13 +25,16 @@
 
 namespace track {
 
-/// One frame ready for the tracker. The images live until the next call of FrameSource::load.
-struct LoadedFrame {
-  double timestamp = 0;  ///< [s]
-  std::string name;      ///< stem of the colour file, for the names of masks and pictures
-  cv::Mat bgr;
-  cv::Mat gray;
-  apso::RgbdFrame rgbd;
+/// One frame ready for the tracker, with its images.
+struct LoadedFrame : apso::opencv::SequenceFrame {
+  std::string name;                    ///< stem of the colour file, for the names of masks and pictures
+  apso::Image<std::uint8_t> instance;  ///< the person at each pixel, 0 = static; empty: not known
+  /// Views for the library; valid as long as this frame lives.
+  [[nodiscard]] apso::RgbdFrame rgbd() const {
+    apso::RgbdFrame views = SequenceFrame::rgbd();
+    views.colour = apso::opencv::as_colour(colour);
+    return views;
+  }
 };
 
 class FrameSource {
@@ -40,8 +42,8 @@ class FrameSource {
   virtual ~FrameSource() = default;
   [[nodiscard]] virtual int size() const = 0;
   [[nodiscard]] virtual const apso::Pinhole& camera() const = 0;
-  /// Loads frame i. Returns the reason if the frame is broken and has to be skipped.
-  [[nodiscard]] virtual std::optional<std::string> load(int i, LoadedFrame& out) = 0;
+  /// Loads frame i, into images whose memory is used again. Says in `error` if the frame is broken and has to be skipped.
+  virtual void load(int i, LoadedFrame& out) = 0;
   /// Empty without ground truth.
   [[nodiscard]] virtual const apso::Trajectory& groundtruth() const = 0;
   [[nodiscard]] virtual const std::vector<std::string>& warnings() const = 0;
@@ -64,18 +66,18 @@ class SyntheticSource final : public FrameSource {
   }
   int size() const override { return sequence_.size(); }
   const apso::Pinhole& camera() const override { return sequence_.camera(); }
-  std::optional<std::string> load(int i, LoadedFrame& out) override {
+  void load(int i, LoadedFrame& out) override {
     sequence_.render(i, frame_);
     out.timestamp = frame_.timestamp;
     char name[32];
     std::snprintf(name, sizeof name, "%.6f", frame_.timestamp);
     out.name = name;
     const cv::Mat rgb(frame_.depth.height(), frame_.depth.width(), CV_8UC3, frame_.rgb.data());
-    cv::cvtColor(rgb, out.bgr, cv::COLOR_RGB2BGR);
+    cv::cvtColor(rgb, out.colour, cv::COLOR_RGB2BGR);
     cv::cvtColor(rgb, out.gray, cv::COLOR_RGB2GRAY);
-    out.rgbd = frame_.rgbd();
-    out.rgbd.colour = apso::opencv::as_colour(out.bgr);
-    return std::nullopt;
+    std::swap(out.intensity, frame_.intensity);
+    std::swap(out.depth, frame_.depth);
+    std::swap(out.instance, frame_.instance);
   }
   const apso::Trajectory& groundtruth() const override { return truth_; }
   const std::vector<std::string>& warnings() const override { return warnings_; }
@@ -84,7 +86,6 @@ class SyntheticSource final : public FrameSource {
     const apso::testing::Stress s = sequence_.stress(i);
     return s == apso::testing::Stress::None ? "" : to_string(s);
   }
-  const apso::testing::SyntheticFrame& truth() const { return frame_; }
 
  private:
   apso::testing::SyntheticSequence sequence_;
@@ -101,15 +102,9 @@ class RecordedSource final : public FrameSource {
   }
   int size() const override { return sequence_.size(); }
   const apso::Pinhole& camera() const override { return sequence_.camera().pinhole; }
-  std::optional<std::string> load(int i, LoadedFrame& out) override {
-    if (!sequence_.read(i, frame_)) return frame_.error;
-    out.timestamp = frame_.timestamp;
+  void load(int i, LoadedFrame& out) override {
+    sequence_.read(i, out);
     out.name = std::filesystem::path(sequence_.colour_path(i)).stem().string();
-    out.bgr = frame_.colour;
-    out.gray = frame_.gray;
-    out.rgbd = frame_.rgbd();
-    out.rgbd.colour = apso::opencv::as_colour(out.bgr);
-    return std::nullopt;
   }
   const apso::Trajectory& groundtruth() const override { return truth_; }
   const std::vector<std::string>& warnings() const override { return warnings_; }
@@ -125,7 +120,6 @@ class RecordedSource final : public FrameSource {
 
  private:
   apso::opencv::RgbdSequence sequence_;
-  apso::opencv::SequenceFrame frame_;
   apso::Trajectory truth_;
   std::vector<std::string> warnings_;
 };

@@ -32,8 +32,9 @@ struct Timing {
   double features = 0;  ///< keypoints, tracks, both pose estimates
   double observe = 0;
   double assess = 0;
-  double refine = 0;                                                                         ///< refinement of BAD frames, memory of all
-  double map = 0;                                                                            ///< keyframes and landmarks
+  double refine = 0;  ///< refinement of BAD frames, memory of all
+  double map = 0;     ///< keyframes and landmarks
+  double wall = 0;    ///< from frame to frame, with waiting for the images and with pictures
   [[nodiscard]] double total() const { return features + observe + assess + refine + map; }  ///< without loading
 };
 

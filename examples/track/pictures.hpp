@@ -24,6 +24,7 @@
 #include "data_uri.hpp"
 #include "plots.hpp"
 #include "results.hpp"
+#include "write_behind.hpp"
 
 namespace track {
 
@@ -39,7 +40,7 @@ struct OfferedFrame {
 /// is refined, and some at regular intervals. Writes their pictures.
 class OverlayChooser {
  public:
-  explicit OverlayChooser(ResultFolder& folder) : folder_(&folder) {}
+  OverlayChooser(ResultFolder& folder, WriteBehind& writer) : folder_(&folder), writer_(&writer) {}
 
   template <class Draw>
   void offer(const OfferedFrame& frame, const apso::FrameReport& report, Draw&& draw) {
@@ -50,7 +51,7 @@ class OverlayChooser {
     const cv::Mat picture = draw();
     char text[120];
     std::snprintf(text, sizeof text, "overlays/%06d.png", frame.number);
-    write_image(folder_->file(text), picture);
+    writer_->add([file = folder_->file(text), picture] { write_image(file, picture); });
     std::snprintf(text, sizeof text, "frame %d, %.2f s: %s", frame.number, frame.time, why.c_str());
     cv::Mat small;
     cv::resize(picture, small, {std::max(1, picture.cols / 2), std::max(1, picture.rows / 2)}, 0, 0, cv::INTER_AREA);
@@ -107,6 +108,7 @@ class OverlayChooser {
   }
 
   ResultFolder* folder_;
+  WriteBehind* writer_;
   std::vector<cv::Mat> tiles_;
   std::map<std::string, int> told_;  ///< pictures of each kind of change
   apso::SceneState state_ = apso::SceneState::Initialising;

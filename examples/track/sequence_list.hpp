@@ -8,6 +8,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cctype>
 #include <cstdio>
@@ -116,6 +117,8 @@ inline std::vector<std::string> run_jobs(const std::vector<Job>& jobs, int worke
         fs::create_directories(job.folder);
         std::vector<std::string> command{program};
         command.insert(command.end(), job.arguments.begin(), job.arguments.end());
+        // Each worker has one thread, so that times are those of a thread, unless the sequence says otherwise.
+        if (std::count(command.begin(), command.end(), "--threads") == 0) command.insert(command.end(), {"--threads", "1"});
         command.insert(command.end(), {"--quiet", "--output", job.folder.string()});
         code = run_program(command, log);
       }

@@ -86,7 +86,7 @@ inline nlohmann::json stage_times(const std::vector<Timing>& timings) {
   return {{"load", column([](const Timing& t) { return t.load; })},       {"features", column([](const Timing& t) { return t.features; })},
           {"observe", column([](const Timing& t) { return t.observe; })}, {"assess", column([](const Timing& t) { return t.assess; })},
           {"refine", column([](const Timing& t) { return t.refine; })},   {"map", column([](const Timing& t) { return t.map; })},
-          {"total", column([](const Timing& t) { return t.total(); })}};
+          {"total", column([](const Timing& t) { return t.total(); })},   {"wall", column([](const Timing& t) { return t.wall; })}};
 }
 
 /// Everything of summary.json that follows from the frames and the ground truth.

@@ -10,8 +10,7 @@
 
 #include <apso/config.hpp>
 #include <apso/opencv/adapters.hpp>
-#include <apso/opencv/lk_tracker.hpp>
-#include <apso/opencv/orb_front_end.hpp>
+#include <apso/opencv/feature_front_end.hpp>
 #include <apso/options.hpp>
 #include <apso/tracker/landmark_tracker.hpp>
 #include <apso/types/keypoint.hpp>
@@ -41,7 +40,7 @@ class BasicFeatureTracker {
   using Result = BasicFeatureResult<PoseT>;
 
   explicit BasicFeatureTracker(const Pinhole& camera, const FeatureTrackerOptions& options = {})
-      : camera_(camera), orb_(options.orb), lk_(options.lk), core_(camera, with_octaves_of_orb(options)) {}
+      : camera_(camera), front_end_(options.orb, options.lk), core_(camera, with_octaves_of_orb(options)) {}
 
   /// Extracts features and follows the tracks. Nothing given is used after this call.
   /// \param gray8 8-bit grey image of the size of the camera
@@ -51,13 +50,19 @@ class BasicFeatureTracker {
     expects(gray8.type() == CV_8UC1, "FeatureTracker::begin: the grey image must be CV_8UC1");
     expects(gray8.cols == camera_.width && gray8.rows == camera_.height,
             "FeatureTracker::begin: the grey image must have the size of the camera");
-    orb_.extract(gray8, keypoints_, descriptors_);
-    lk_.track(gray8, keypoints_);
-    core_.begin(frame, keypoints_, descriptors_, lk_.tracks());
+    front_end_.extract(gray8, features_);
+    core_.begin(frame, features_.keypoints, features_.descriptors, features_.tracks);
+  }
+  /// The same with features that a front end of yours has found, e.g. on another thread.
+  template <class FrameT>
+  void begin(const ImageFeatures& features, const FrameT& frame) {
+    features_.keypoints = features.keypoints;
+    features_.tracks = features.tracks;
+    core_.begin(frame, features.keypoints, features.descriptors, features.tracks);
   }
 
-  [[nodiscard]] const std::vector<Keypoint>& keypoints() const { return keypoints_; }
-  [[nodiscard]] const std::vector<PointTrack>& tracks() const { return lk_.tracks(); }
+  [[nodiscard]] const std::vector<Keypoint>& keypoints() const { return features_.keypoints; }
+  [[nodiscard]] const std::vector<PointTrack>& tracks() const { return features_.tracks; }
 
   /// Pose of the frame begun. May be called again with a better mask.
   /// \param dynamic_probability any image of [0,1] with the size of the camera; none or empty = nothing is dynamic
@@ -89,11 +94,9 @@ class BasicFeatureTracker {
   }
 
   Pinhole camera_;
-  OrbFrontEnd orb_;
-  LkTracker lk_;
+  FeatureFrontEnd front_end_;
   BasicLandmarkTracker<PoseT> core_;
-  std::vector<Keypoint> keypoints_;
-  cv::Mat_<uchar> descriptors_;
+  ImageFeatures features_;
 };
 
 using FeatureTracker = BasicFeatureTracker<>;
