@@ -173,6 +173,8 @@ std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track
   }
 
   track::LoadedFrame frame;
+  apso::opencv::FeatureFrontEnd front_end(config.tracker.orb, config.tracker.lk);  // the same for all policies
+  apso::opencv::ImageFeatures features;
   track::ProgressLine progress;
   const int total = a.frames > 0 ? std::min(a.frames, s.source->size()) : s.source->size();
   int skipped = 0;
@@ -197,18 +199,19 @@ std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track
     }
     const bool known = !s.masks || !truth.mask.empty();
     judged += known ? 1 : 0;
+    front_end.extract(frame.gray, features);
     for (const auto& r : runners) {
-      r->tracker.begin(frame.gray, rgbd);
+      r->tracker.begin(features, rgbd);
       const auto prior = r->tracker.estimate(r->mask.probability);
       const double start = cpu_ms();
       r->policy.observe(rgbd, prior.T_world_camera, r->tracker.tracks(), r->mask);
       double spent = cpu_ms() - start;
-      const auto features = r->tracker.estimate(r->mask.probability);
-      const apso::Pose& pose = features.ok ? features.T_world_camera : features.T_world_predicted;
+      const auto found = r->tracker.estimate(r->mask.probability);
+      const apso::Pose& pose = found.ok ? found.T_world_camera : found.T_world_predicted;
       const double again = cpu_ms();
       r->policy.remember(rgbd, pose, r->mask);
       spent += cpu_ms() - again;
-      r->tracker.commit(pose, r->mask.probability, features.ok);
+      r->tracker.commit(pose, r->mask.probability, found.ok);
       r->score.ms += spent;
       r->poses.push_back({frame.timestamp, pose});
       // with a single pair only the second frame has a past
