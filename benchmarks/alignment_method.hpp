@@ -19,6 +19,7 @@ class Method {
   virtual ~Method() = default;
   [[nodiscard]] virtual std::string name() const = 0;           ///< for the table
   [[nodiscard]] virtual std::string key() const { return {}; }  ///< in the line of ratios; empty = not in it
+  [[nodiscard]] virtual int width() const { return 640; }       ///< of the finest image that it aligns [px]
   virtual void camera(const apso::Pinhole& camera) = 0;
   /// Everything that depends on one frame alone.
   virtual void prepare_reference(const pairs::Image8& frame) = 0;

@@ -13,6 +13,7 @@
 #include <apso/testing/synthetic.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
+#include <apso/version.hpp>
 
 namespace pairs {
 
@@ -71,7 +72,11 @@ struct Conditions {
   double moving_share = 0;  ///< two bodies that cover about this share of both images and move 5 cm each
   double gain = 0.02;       ///< largest change of brightness between the two images
   double image_noise = 3;   ///< [grey values of 255]
+  apso::testing::DepthSensor sensor = apso::testing::DepthSensor::StructuredLight;
 };
+
+/// The seed of the pairs that are reported: another one with each version of apso, so that nothing can be fitted to it for long.
+inline constexpr std::uint64_t kReleaseSeed = 1000003ULL * APSO_VERSION_MAJOR + 1009ULL * APSO_VERSION_MINOR + APSO_VERSION_PATCH + 40000;
 
 /// Of length 1, all directions alike.
 inline Eigen::Vector3d random_direction(apso::testing::Random& rng) {
@@ -184,7 +189,9 @@ class PairMaker {
     apso::Image<std::uint8_t> rgb;
     expose(drawn, scene.faces.size(), camera_, still, 0.0, c.noise ? gain : 1.0, c.noise ? c.image_noise : 0.0, seed, normal_, rgb,
            out.intensity);
-    if (c.noise) {
+    if (c.noise && c.sensor == DepthSensor::Disparity) {
+      sense_disparity(drawn, camera_, seed, normal_, out.depth);
+    } else if (c.noise) {
       sense_depth(drawn, renderer, camera_, seed, normal_, out.depth);
     } else {
       out.depth.resize(camera_.width, camera_.height);

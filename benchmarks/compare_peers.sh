@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Builds the alignment and its peers with the same flags, scores them on the same pairs, then times them in one run.
-# The last line printed: ratios: opencv_rgbd=... (the peer's time over ours). A peer that is not installed is left out:
+# The last lines printed: ratios to apso at the same resolution, and ratios to the default, opencv_rgbd=... (the peer's time over
+# ours). A peer that is not installed is left out:
 #   OpenCV contrib  libopencv-contrib-dev (comes with libopencv-dev)     Open3D  libopen3d-dev
 #   MRPT  libmrpt-vision-dev
 #   compare_peers.sh                    -O3 -march=native

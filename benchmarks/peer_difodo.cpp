@@ -68,6 +68,7 @@ class Difodo : public Method {
  public:
   std::string name() const override { return "MRPT DIFODO (320x240, depth)"; }
   std::string key() const override { return "difodo"; }
+  int width() const override { return 320; }
   void camera(const apso::Pinhole& c) override { solver_.setup(c); }
   void prepare_reference(const pairs::Image8& f) override {
     solver_.load(f);

@@ -21,33 +21,24 @@ struct Rectangle {
   Texture texture;
 };
 
-/// A structured-light camera: disparity with noise of its own, rounded to eighths of a pixel, read at a place that errs by half a
-/// pixel; holes where a surface is seen at a grazing angle, and beyond 5 m. Grey values with Gaussian noise.
+/// A camera whose depth is that of DisparitySensor, and whose grey values have Gaussian noise.
 struct ForeignSensor {
-  double grey_sigma = 3;          ///< [grey values of 255]
-  double disparity_sigma = 0.15;  ///< [px]
-  double lateral_sigma = 0.4;     ///< [px]
-  double gain = 0.02;             ///< largest change of brightness
+  double grey_sigma = 3;  ///< [grey values of 255]
+  double gain = 0.02;     ///< largest change of brightness
+  apso::testing::DisparitySensor depth_sensor;
 
   template <class Depth>  // depth(x, y) without noise, 0 = none, at any place [px]
   void operator()(const apso::Pinhole& camera, const Depth& depth, std::uint64_t seed, double brightness, Image8& out) const {
     apso::testing::Random rng(seed);
     static const apso::testing::NormalTable table;
     const auto normal = [&] { return static_cast<double>(table(rng.next())); };
-    const double product = camera.fx * 0.075;
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) {
         const double grey = 255 * brightness * static_cast<double>(out.intensity(x, y)) + grey_sigma * normal();
         out.grey(x, y) = static_cast<std::uint8_t>(std::lround(std::clamp(grey, 0.0, 255.0)));
         out.intensity(x, y) = static_cast<float>(out.grey(x, y)) / 255.0F;
-        const double z = depth(x + lateral_sigma * normal(), y + lateral_sigma * normal());
-        const double noise = disparity_sigma * normal();
-        if (!(z > 0.4) || z > 5) {
-          out.depth(x, y) = 0;
-          continue;
-        }
-        const double disparity = std::round(8 * (product / z + noise)) / 8;
-        out.depth(x, y) = static_cast<float>(std::round(5000 * product / disparity) / 5000);
+        const double z = depth_sensor(camera, depth, x, y, normal);
+        out.depth(x, y) = static_cast<float>(std::round(5000 * z) / 5000);
       }
     }
   }

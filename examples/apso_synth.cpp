@@ -14,6 +14,7 @@
 #include <apso/io/tum_text.hpp>
 #include <apso/testing/synthetic.hpp>
 
+#include "track/arguments.hpp"
 #include "track/command_line.hpp"
 #include "track/progress.hpp"
 #include "track/results.hpp"
@@ -94,6 +95,7 @@ int main(int argc, char** argv) {
   app.add_option("--people", options.people, "walking people, in recordings named walking_*")
       ->check(CLI::Range(0, 3))
       ->capture_default_str();
+  track::add_sensor(app, options.sensor, "noise of the depth");
   app.add_flag("--quiet", quiet, "no progress");
   return track::run_main("apso_synth", app, argc, argv, [&] { return run(name, output, options, quiet); });
 }

@@ -45,6 +45,7 @@ struct Arguments {
   int max_frames = 0;
   int people = -1;
   unsigned seed = 1;
+  apso::testing::DepthSensor sensor = apso::testing::DepthSensor::StructuredLight;
 
   static constexpr const char* prefix = "synthetic:";
   [[nodiscard]] bool synthetic() const { return sequence.rfind(prefix, 0) == 0; }
@@ -83,13 +84,25 @@ inline apso::ClassList class_list(const Arguments& a) {
   return list;
 }
 
+/// Adds the option --sensor.
+inline void add_sensor(CLI::App& app, apso::testing::DepthSensor& sensor, const std::string& what) {
+  const auto names = enum_names(sensor);
+  const auto choose = [&sensor, names](const std::string& name) {
+    const auto found = std::find(names.begin(), names.end(), name);
+    sensor = static_cast<apso::testing::DepthSensor>(found - names.begin());
+  };
+  app.add_option_function<std::string>("--sensor", choose, what + ": the one that alignment expects, or another (default structured_light)")
+      ->check(CLI::IsMember(std::vector<std::string>(names.begin(), names.end())));
+}
+
 /// Classes that do not exist and options that would not be used in a run are wrong usage.
 inline void check(const CLI::App& app, const Arguments& a) {
   (void)class_list(a);
   const auto refuse = [&](const char* option, bool used, const char* why) {
     if (app.get_option(option)->count() > 0 && !used) throw CLI::ValidationError(option, why);
   };
-  for (const char* option : {"--people", "--seed", "--true-masks"}) refuse(option, a.synthetic(), "only synthetic sequences have that");
+  for (const char* option : {"--people", "--seed", "--sensor", "--true-masks"})
+    refuse(option, a.synthetic(), "only synthetic sequences have that");
   refuse("--camera", !a.synthetic(), "a synthetic sequence brings its own camera");
   refuse("--model", a.policy_is("dnn") || a.policy_is("semantic"), "no policy of --motion uses a network; take dnn or semantic");
   const std::filesystem::path video(a.video);
@@ -156,6 +169,7 @@ inline void declare_options(CLI::App& app, Arguments& a) {
       ->check(CLI::IsMember(DegradedSource::kinds()));
   app.add_option("--people", a.people, "synthetic sequences: number of walking people")->check(CLI::Range(0, 3));
   app.add_option("--seed", a.seed, "synthetic sequences: random seed of scene and noise")->capture_default_str();
+  add_sensor(app, a.sensor, "synthetic sequences: noise of the depth");
   app.add_flag("--true-masks", a.true_masks, "synthetic sequences: use the true masks")->excludes("--masks");
   app.add_flag_callback(
       "--list-options",

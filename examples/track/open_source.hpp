@@ -23,6 +23,7 @@ inline std::unique_ptr<FrameSource> open_source(const Arguments& a) {
     if (a.people >= 0) options.people = a.people;
     if (a.max_frames > 0) options.frames = std::max(options.frames, a.max_frames);
     options.seed = a.seed;
+    options.sensor = a.sensor;
     return std::make_unique<SyntheticSource>(a.sequence.substr(std::string(Arguments::prefix).size()), options);
   }
   if (a.camera.empty()) {

@@ -377,6 +377,47 @@ TEST_CASE("the noise of the depth is that of the sensor, and about 0") {
   CHECK(holes < 0.2 * (n + holes));
 }
 
+TEST_CASE("the disparity sensor has another noise: rounded disparities, edges that tear, the same picture") {
+  SyntheticOptions o = small(0);
+  const SyntheticSequence first("static_static", o);
+  o.sensor = DepthSensor::Disparity;
+  const SyntheticSequence other("static_static", o);
+  o.noise = false;
+  const SyntheticSequence exact("static_static", o);
+  const DisparitySensor sensor;
+  const double product = other.camera().fx * sensor.baseline;
+  SyntheticFrame a, b, c;
+  first.render(3, a);
+  other.render(3, b);
+  exact.render(3, c);
+  CHECK(std::equal(a.rgb.data(), a.rgb.data() + a.rgb.size(), b.rgb.data()));
+  double sum = 0, sum2 = 0;
+  int n = 0, torn = 0;
+  for (int y = 1; y + 1 < b.depth.height(); ++y) {
+    for (int x = 1; x + 1 < b.depth.width(); ++x) {
+      const double z = static_cast<double>(b.depth(x, y));
+      const double truth = static_cast<double>(c.depth(x, y));
+      if (truth > sensor.farthest) CHECK(z == 0);
+      if (!(z > 0)) continue;
+      const double eighths = 8 * product / z;
+      CHECK(std::abs(eighths - std::round(eighths)) < 1e-3);
+      const double e = product / z - product / truth;
+      const bool other_surface = std::abs(z - truth) > 0.2 * truth;
+      torn += other_surface ? 1 : 0;
+      if (other_surface) continue;
+      sum += e;
+      sum2 += e * e;
+      ++n;
+    }
+  }
+  REQUIRE(n > 1000);
+  CHECK(std::abs(sum / n) < 0.05);
+  CHECK(std::sqrt(sum2 / n) > sensor.disparity_sigma);
+  CHECK(std::sqrt(sum2 / n) < 5 * sensor.disparity_sigma);  // slanted surfaces add what the place errs by
+  CHECK(torn > 0);
+  CHECK(torn < 0.1 * n);
+}
+
 TEST_CASE("blur smooths fast frames and leaves slow ones alone") {
   // energy of the gradient; its absolute sum would not do, as blur keeps the height of an edge
   const auto roughness = [](const SyntheticFrame& f) {

@@ -27,6 +27,7 @@
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/options.hpp>
+#include <apso/testing/synthetic_disparity.hpp>
 #include <apso/testing/synthetic_motion.hpp>
 #include <apso/testing/synthetic_render.hpp>
 #include <apso/testing/synthetic_scene.hpp>
@@ -42,14 +43,22 @@ namespace testing {
 inline constexpr double kExposureTime = 0.012;  ///< of the synthetic camera [s]
 inline constexpr double kImageNoise = 2.0;      ///< of the synthetic camera: standard deviation [grey values of 255]
 
+/// Noise of the depth.
+enum class DepthSensor {
+  StructuredLight,  ///< sense_depth(): the noise that direct alignment expects
+  Disparity,        ///< sense_disparity(): another one
+};
+constexpr std::array<const char*, 2> enum_names(DepthSensor) { return {"structured_light", "disparity"}; }
+
 /// Settings of a synthetic recording.
 struct SyntheticOptions {
-  int frames = 300;            ///< length, at 30 Hz
-  int width = 640;             ///< pixels; the camera of freiburg3 is scaled to this size
-  int height = 480;            ///< pixels
-  int people = 2;              ///< walking people; only recordings named walking_* have them
-  unsigned seed = 1;           ///< room, people, path and noise all depend on it
-  bool noise = true;           ///< noise of colour and depth, holes in the depth; false: exact
+  int frames = 300;   ///< length, at 30 Hz
+  int width = 640;    ///< pixels; the camera of freiburg3 is scaled to this size
+  int height = 480;   ///< pixels
+  int people = 2;     ///< walking people; only recordings named walking_* have them
+  unsigned seed = 1;  ///< room, people, path and noise all depend on it
+  bool noise = true;  ///< noise of colour and depth, holes in the depth; false: exact
+  DepthSensor sensor = DepthSensor::StructuredLight;
   bool blur = true;            ///< motion blur
   bool exposure_drift = true;  ///< slow brightness changes of up to about 10 %
 
@@ -61,6 +70,7 @@ struct SyntheticOptions {
     v("people", s.people, 0, 3);
     v("seed", s.seed, 0U, 4294967295U);
     v("noise", s.noise);
+    v("sensor", s.sensor);
     v("blur", s.blur);
     v("exposure_drift", s.exposure_drift);
   }
@@ -187,7 +197,9 @@ class SyntheticSequence {
     const double shutter = stress_.exposure(t, options_.blur ? kExposureTime : 0.0);
     expose(drawn, faces, camera_, motion, shutter, gain, options_.noise ? kImageNoise : 0.0, seed, normal_, out.rgb, out.intensity,
            stress_.active() ? 64 : 12);
-    if (options_.noise) {
+    if (options_.noise && options_.sensor == DepthSensor::Disparity) {
+      sense_disparity(drawn, camera_, seed, normal_, out.depth);
+    } else if (options_.noise) {
       sense_depth(drawn, renderer, camera_, seed, normal_, out.depth);
     } else {
       out.depth.resize(camera_.width, camera_.height);
