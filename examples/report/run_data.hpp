@@ -66,9 +66,7 @@ inline EstimateData estimate_data(const track::Run& run, const apso::Trajectory&
   std::map<const apso::Pose*, double> error_of;
   EstimateData data;
   if (!truth.empty() && !estimate.empty()) {
-    apso::AteOptions options;
-    options.association = apso::AssociationRule::Evo;  // as in summary.json
-    const apso::AteResult ate = apso::ate(truth, estimate, options);
+    const apso::AteResult ate = apso::ate(truth, estimate);  // by the defaults, as in summary.json: the same pairs
     data.aligned = succeeded(ate.status);
     if (data.aligned) {
       T = ate.T_groundtruth_estimate;

@@ -102,6 +102,25 @@ TEST_CASE("a report holds every frame of the run, and its errors are those of th
   CHECK(has(page, "default-src 'none'"));
 }
 
+TEST_CASE("a report pairs poses by the rule of all programs") {
+  const Work w;
+  std::ifstream in(w.path / "run/groundtruth.txt");
+  std::stringstream late;  // stamps 15 ms off: a pair by the default rule, and none by that of evo
+  for (std::string line; std::getline(in, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    late << std::fixed << std::stod(line) + 0.015 << line.substr(line.find(' ')) << '\n';
+  }
+  in.close();
+  std::ofstream(w.path / "run/groundtruth.txt") << late.str();
+  const Outcome o = report((w.path / "run").string() + " --output " + (w.path / "late.html").string(), w.path);
+  INFO(o.text);
+  REQUIRE(o.code == 0);
+  const json r = embedded(bytes_of(w.path / "late.html"), "runs")["runs"][0];
+  int known = 0;
+  for (const json& e : r["error"]) known += e.is_null() ? 0 : 1;
+  CHECK(known == r["summary"]["final"]["pairs"]);
+}
+
 TEST_CASE("several runs are in one page, and a limit of size is kept") {
   const Work w;
   const std::string out = (w.path / "both.html").string();

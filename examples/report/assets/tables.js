@@ -7,7 +7,7 @@ function addTable(here, head, rows, tall) {
     const {cells, attributes} = Array.isArray(row) ? {cells: row, attributes: {}} : row;
     return element('tr', attributes, cells.map((c) => (c instanceof Node ? c : element('td', {}, c))));
   };
-  const table = element('table', {}, element('thead', {}, element('tr', {}, head.map((h) => element('th', {}, h)))), element('tbody', {}, rows.map(make)));
+  const table = element('table', {}, element('thead', {}, element('tr', {}, head.map((h) => element('th', h === 'what' ? {class: 'word'} : {}, h)))), element('tbody', {}, rows.map(make)));
   here.append(element('div', {class: tall ? 'scroll tall' : 'scroll'}, table));
   return table;
 }
