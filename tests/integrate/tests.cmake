@@ -48,3 +48,17 @@ if(NOT APSO_INNER)
     message(STATUS "the node for ROS 1 is not built: roscpp and its messages were not found")
   endif()
 endif()
+
+# A bag of ROS 1 becomes a folder in TUM format. rosbag from the package is a module of the system's Python; without it the test is
+# reported as skipped.
+if(NOT APSO_INNER AND TARGET apso_track)
+  find_program(APSO_SYSTEM_PYTHON NAMES python3 PATHS /usr/bin NO_DEFAULT_PATH)
+  find_program(APSO_SYSTEM_PYTHON NAMES python3)
+  mark_as_advanced(APSO_SYSTEM_PYTHON)
+  if(APSO_SYSTEM_PYTHON)
+    add_test(NAME integrate_bag_to_tum
+             COMMAND ${APSO_SYSTEM_PYTHON} ${CMAKE_CURRENT_LIST_DIR}/bag_to_tum.py ${PROJECT_SOURCE_DIR}/scripts/bag_to_tum.py
+                     $<TARGET_FILE_DIR:apso_track> ${CMAKE_CURRENT_BINARY_DIR}/bag_to_tum)
+    set_tests_properties(integrate_bag_to_tum PROPERTIES SKIP_RETURN_CODE 77 TIMEOUT 600)
+  endif()
+endif()
