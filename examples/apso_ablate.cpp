@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -20,6 +21,7 @@
 #include <apso/version.hpp>
 
 #include "track/ablation.hpp"
+#include "track/ablation_figures.hpp"
 #include "track/command_line.hpp"
 #include "track/config.hpp"
 #include "track/results.hpp"
@@ -30,6 +32,8 @@ namespace {
 
 namespace fs = std::filesystem;
 using json = nlohmann::json;
+using track::figures;
+using track::Row;
 
 struct Arguments {
   std::vector<std::string> sequences;
@@ -38,19 +42,31 @@ struct Arguments {
   std::string config;
   std::string plan;
   int repeats = 1;
+  int recorded_repeats = 1;
   int jobs = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   bool table_only = false;
 };
 
 struct PlannedRun {
   std::size_t variant;
+  std::size_t sequence;
   track::Job job;
+  std::string camera_truth;
 };
 
+/// Repetitions of a recording differ in the number of features, of which the result must not depend: 1000, 990, 1010, 980, ...
+int features_of(int base, int repetition) { return base + (repetition % 2 == 1 ? -10 : 10) * ((repetition + 1) / 2); }
+
 /// Writes the settings of a variant, unless runs with other settings are in the folder already. \return the file
-fs::path write_settings(const Arguments& a, const track::Variant& variant) {
-  const track::Config config = track::read_config(a.config);
-  const fs::path file = fs::path(a.output) / "configs" / (variant.name + ".yaml");
+fs::path write_settings(const Arguments& a, const track::Variant& variant, int repetition) {
+  track::Config config = track::read_config(a.config);
+  std::string name = variant.name;
+  if (repetition > 0) {
+    int& features = config.tracker.orb.features;
+    features = features_of(features, repetition);
+    name += "_" + std::to_string(features) + "_features";
+  }
+  const fs::path file = fs::path(a.output) / "configs" / (name + ".yaml");
   const std::string text = apso::write_parameters(track::changed(config, variant)) + "\n";
   std::string old;
   if (std::ifstream in(file.string()); in) old.assign(std::istreambuf_iterator<char>(in), {});
@@ -71,20 +87,24 @@ std::vector<std::string> with_seed(std::vector<std::string> arguments, int n) {
   return arguments;
 }
 
-/// Every variant on every sequence; a synthetic one as often as asked for.
+/// Every variant on every sequence, as often as asked for: first once on all, then once more, so that whatever has been done when
+/// somebody stops it is a table of fewer repetitions.
 std::vector<PlannedRun> plan(const Arguments& a, const std::vector<track::Variant>& chosen) {
   fs::create_directories(fs::path(a.output) / "configs");
   std::vector<PlannedRun> runs;
-  for (std::size_t v = 0; v < chosen.size(); ++v) {
-    const fs::path file = write_settings(a, chosen[v]);
-    for (const std::string& sequence : a.sequences) {
-      const track::SequenceSpec s = track::parse_sequence(sequence);
-      const bool repeated = s.arguments[0].rfind("synthetic:", 0) == 0 && a.repeats > 1;
-      for (int r = 0; r < (repeated ? a.repeats : 1); ++r) {
-        PlannedRun run{v, {}};
-        run.job.arguments = repeated ? with_seed(s.arguments, r) : s.arguments;
+  for (int r = 0; r < std::max(a.repeats, a.recorded_repeats); ++r) {
+    for (std::size_t q = 0; q < a.sequences.size(); ++q) {
+      const track::SequenceSpec s = track::parse_sequence(a.sequences[q]);
+      const int repeats = s.synthetic() ? a.repeats : a.recorded_repeats;
+      if (r >= repeats) continue;
+      for (std::size_t v = 0; v < chosen.size(); ++v) {
+        if (chosen[v].true_masks && !s.synthetic()) continue;  // a recording has none
+        const fs::path file = write_settings(a, chosen[v], s.synthetic() ? 0 : r);
+        PlannedRun run{v, q, {}, s.camera_truth};
+        run.job.arguments = s.synthetic() && repeats > 1 ? with_seed(s.arguments, r) : s.arguments;
         run.job.arguments.insert(run.job.arguments.end(), {"--config", file.string()});
-        run.job.folder = fs::path(a.output) / chosen[v].name / (repeated ? s.name + "_r" + std::to_string(r) : s.name);
+        if (chosen[v].true_masks) run.job.arguments.emplace_back("--true-masks");
+        run.job.folder = fs::path(a.output) / chosen[v].name / (repeats > 1 ? s.name + "_r" + std::to_string(r) : s.name);
         runs.push_back(std::move(run));
       }
     }
@@ -92,96 +112,35 @@ std::vector<PlannedRun> plan(const Arguments& a, const std::vector<track::Varian
   return runs;
 }
 
-/// The figures of a variant: name in the files, heading of the table (none: only in the files), unit and format there.
-struct Figure {
-  const char* name;
-  const char* heading;
-  double factor;
-  const char* format;
+/// A run with its figures; none if it is not finished or cannot be read.
+struct FinishedRun {
+  const PlannedRun* run;
+  std::optional<track::Measured> measured;
 };
-constexpr std::array<Figure, 8> figures{{{"ate_m", "ATE [mm]", 1e3, "%.2f"},
-                                         {"ate_features_m", nullptr, 1e3, "%.2f"},
-                                         {"rpe_1s_m", "RPE 1 s", 1e3, "%.2f"},
-                                         {"rpe_1f_m", "RPE 1 f", 1e3, "%.2f"},
-                                         {"auc_failure", "AUC", 1, "%.3f"},
-                                         {"bad_share", "BAD", 100, "%.1f %%"},
-                                         {"flagged_inside", "inside", 100, "%.0f %%"},
-                                         {"flagged_outside", "outside", 100, "%.1f %%"}}};
-
-struct Spread {
-  std::vector<double> values;
-  void add(double v) {
-    if (std::isfinite(v)) values.push_back(v);
-  }
-  [[nodiscard]] double mean() const {
-    if (values.empty()) return track::kNone;
-    double s = 0;
-    for (const double v : values) s += v;
-    return s / static_cast<double>(values.size());
-  }
-  /// Standard error of the mean.
-  [[nodiscard]] double error() const {
-    if (values.size() < 2) return track::kNone;
-    double s = 0;
-    for (const double v : values) s += (v - mean()) * (v - mean());
-    const double n = static_cast<double>(values.size());
-    return std::sqrt(s / (n - 1) / n);
-  }
-};
-
-struct Row {
-  int runs = 0;
-  int missing = 0;  ///< runs that did not end, or whose results cannot be read
-  int lost = 0;     ///< runs in which no frame has a pose: they have no error
-  std::array<Spread, figures.size()> spread;
-};
-
-/// Adds the figures of one finished run; what it has none of is left out.
-void measure(const fs::path& folder, Row& row) {
-  const json summary = json::parse(std::ifstream((folder / "summary.json").string()));
-  const auto value = [&](const char* path) {
-    const json::json_pointer p(path);
-    return summary.contains(p) && summary[p].is_number() ? summary[p].get<double>() : track::kNone;
-  };
-  const track::Run run = track::read_run(folder.string());
-  std::vector<apso::ScoredEvent> events;
-  apso::Confusion label;
-  double flagged = 0;
-  double decided = 0;
-  for (const track::RunFrame& f : run.frames) {
-    if (!f.decided()) continue;
-    decided += 1;
-    flagged += f.flagged();
-    label.add(f.flagged(), !f.label.empty());
-    events.push_back({1 - run.at(f, "S_final"), f.failed});
-  }
-  const std::array<double, figures.size()> measured{value("/final/ate/rmse"),
-                                                    value("/features/ate/rmse"),
-                                                    value("/final/rpe_1s/translation/rmse"),
-                                                    value("/final/rpe_1f/translation/rmse"),
-                                                    apso::area_under_roc(events),
-                                                    flagged / decided,
-                                                    label.recall(),
-                                                    label.false_alarm_rate()};
-  for (std::size_t i = 0; i < figures.size(); ++i) row.spread[i].add(measured[i]);
-  ++row.runs;
-  row.lost += run.with_pose == 0 ? 1 : 0;
-}
 
 /// \param problems one more for every run that cannot be read
-Row row_of(std::size_t variant, const std::vector<PlannedRun>& runs, std::vector<std::string>& problems) {
-  Row row;
+std::vector<FinishedRun> measure_all(const std::vector<PlannedRun>& runs, std::vector<std::string>& problems) {
+  std::vector<FinishedRun> all;
   for (const PlannedRun& run : runs) {
-    if (run.variant != variant) continue;
-    if (!track::complete(run.job.folder)) {
-      ++row.missing;
-      continue;
-    }
+    all.push_back({&run, {}});
+    if (!track::complete(run.job.folder)) continue;
     try {
-      measure(run.job.folder, row);
+      all.back().measured = track::measure(run.job.folder, run.camera_truth);
     } catch (const std::exception& e) {
-      ++row.missing;
       problems.push_back(run.job.folder.string() + ": not in the table: " + e.what());
+    }
+  }
+  return all;
+}
+
+Row row_of(std::size_t variant, const std::vector<FinishedRun>& runs) {
+  Row row;
+  for (const FinishedRun& f : runs) {
+    if (f.run->variant != variant) continue;
+    if (f.measured) {
+      row.add(*f.measured);
+    } else {
+      ++row.missing;
     }
   }
   return row;
@@ -189,7 +148,7 @@ Row row_of(std::size_t variant, const std::vector<PlannedRun>& runs, std::vector
 
 void print_head() {
   std::printf("%-20s %5s", "variant", "runs");
-  for (const Figure& f : figures) {
+  for (const track::Figure& f : figures) {
     if (f.heading != nullptr) std::printf(" %9s", f.heading);
   }
   std::printf("\n");
@@ -212,7 +171,7 @@ void print(const track::Variant& variant, const Row& row) {
 json to_json(const track::Variant& variant, const Row& row) {
   json j{{"variant", variant.name}, {"meaning", variant.meaning}, {"runs", row.runs}, {"missing", row.missing}, {"lost", row.lost}};
   for (std::size_t i = 0; i < figures.size(); ++i) {
-    const Spread& s = row.spread[i];
+    const track::Spread& s = row.spread[i];
     json& entry = j[figures[i].name];
     if (s.values.empty()) continue;
     entry = {{"mean", s.mean()}, {"standard_error", nullptr}, {"runs", s.values.size()}};
@@ -221,29 +180,59 @@ json to_json(const track::Variant& variant, const Row& row) {
   return j;
 }
 
+/// The runs of one variant on one sequence; the area under the ROC curve is that of all their frames together.
+json sequence_to_json(const Arguments& a, const std::vector<track::Variant>& chosen, const std::vector<FinishedRun>& runs,
+                      std::size_t variant, std::size_t sequence) {
+  json list = json::array();
+  std::vector<apso::ScoredEvent> events;
+  for (const FinishedRun& f : runs) {
+    if (f.run->variant != variant || f.run->sequence != sequence || !f.measured) continue;
+    json one{{"folder", f.run->job.folder.string()}, {"lost", f.measured->lost}};
+    for (std::size_t i = 0; i < figures.size(); ++i) {
+      const double v = f.measured->values[i];
+      one[figures[i].name] = std::isfinite(v) ? json(v) : json();
+    }
+    list.push_back(std::move(one));
+    events.insert(events.end(), f.measured->events.begin(), f.measured->events.end());
+  }
+  const auto failed = std::count_if(events.begin(), events.end(), [](const auto& e) { return e.event; });
+  const double auc = apso::area_under_roc(events);
+  return {{"variant", chosen[variant].name},
+          {"sequence", a.sequences[sequence]},
+          {"decided", events.size()},
+          {"failed", failed},
+          {"auc", std::isfinite(auc) ? json(auc) : json()},
+          {"runs", list}};
+}
+
 /// Prints the table, and writes it as ablation.json and ablation.csv.
-void table(const Arguments& a, const std::vector<track::Variant>& chosen, const std::vector<PlannedRun>& runs,
-           std::vector<std::string>& problems) {
+void table(const Arguments& a, const std::vector<track::Variant>& chosen, const std::vector<FinishedRun>& runs) {
   json rows = json::array();
+  json sequences = json::array();
   std::ostringstream csv;
   csv << "variant,runs,missing,lost";
-  for (const Figure& f : figures) csv << ',' << f.name;
+  for (const track::Figure& f : figures) csv << ',' << f.name;
   csv << '\n';
   print_head();
   for (std::size_t v = 0; v < chosen.size(); ++v) {
-    const Row row = row_of(v, runs, problems);
+    const Row row = row_of(v, runs);
     print(chosen[v], row);
     csv << chosen[v].name << ',' << row.runs << ',' << row.missing << ',' << row.lost;
-    for (const Spread& s : row.spread) {
+    for (const track::Spread& s : row.spread) {
       csv << ',';
       if (std::isfinite(s.mean())) csv << s.mean();
     }
     csv << '\n';
     rows.push_back(to_json(chosen[v], row));
+    for (std::size_t q = 0; q < a.sequences.size(); ++q) sequences.push_back(sequence_to_json(a, chosen, runs, v, q));
   }
   track::write_file(fs::path(a.output) / "ablation.csv", csv.str());
-  track::write_json(fs::path(a.output) / "ablation.json",
-                    {{"version", APSO_VERSION}, {"sequences", a.sequences}, {"repeats", a.repeats}, {"variants", rows}});
+  track::write_json(fs::path(a.output) / "ablation.json", {{"version", APSO_VERSION},
+                                                           {"sequences", a.sequences},
+                                                           {"repeats", a.repeats},
+                                                           {"recorded_repeats", a.recorded_repeats},
+                                                           {"variants", rows},
+                                                           {"by_sequence", sequences}});
 }
 
 int run(const Arguments& a) {
@@ -268,7 +257,7 @@ int run(const Arguments& a) {
     for (const PlannedRun& r : runs) jobs.push_back(r.job);
     problems = track::run_jobs(jobs, a.jobs, "run");
   }
-  table(a, chosen, runs, problems);
+  table(a, chosen, measure_all(runs, problems));
   for (const std::string& p : problems) std::fprintf(stderr, "apso_ablate: %s\n", p.c_str());
   return problems.empty() ? 0 : track::exit_bad_input;
 }
@@ -280,7 +269,8 @@ int main(int argc, char** argv) {
   CLI::App app{
       "Runs apso_track with one part of the method switched off or exchanged at a time, and compares the results.\n"
       "A sequence is written NAME,option=value,... with the options of apso_track, e.g. 'recording,camera=bonn' or\n"
-      "'synthetic:stress_all,max-frames=540,seed=1'. Finished runs are kept: interrupt and restart it as you like.\n"
+      "'synthetic:stress_all,max-frames=540,seed=1'; camera-truth=FILE names ground truth in the camera's frame for errors\n"
+      "of motion, where that of a recording follows another body. Finished runs are kept: interrupt and restart it as you like.\n"
       "Exit code: 0 done, 1 bad input or a run failed, 2 wrong usage."};
   std::vector<std::string> names;
   for (const track::Variant& v : track::variants()) names.push_back(v.name);
@@ -289,6 +279,10 @@ int main(int argc, char** argv) {
   app.add_option("--only", a.only, "only these variants")->check(CLI::IsMember(names))->delimiter(',');
   app.add_option("--repeats", a.repeats, "runs of each synthetic sequence, with consecutive seeds")
       ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--recorded-repeats", a.recorded_repeats,
+                 "runs of each recording, with 1000, 990, 1010, 980, ... features (tracker.orb.features) per frame")
+      ->check(CLI::Range(1, 50))
       ->capture_default_str();
   app.add_option("--jobs", a.jobs, "number of parallel runs")->check(CLI::Range(1, 1024))->capture_default_str();
   app.add_option("--config", a.config, "YAML file with the settings that all variants start from");

@@ -53,7 +53,7 @@ std::vector<track::Run> runs_of(const std::vector<std::string>& sequences, const
     track::Job job{fs::path(a.work) / s.name, s.arguments};
     job.arguments.emplace_back("--no-refinement");
     if (!a.config.empty()) job.arguments.insert(job.arguments.end(), {"--config", a.config});
-    folders.push_back(job.folder.string());
+    folders.push_back(job.folder.string() + (s.camera_truth.empty() ? "" : "=" + s.camera_truth));
     jobs.push_back(std::move(job));
   }
   const std::vector<std::string> problems = track::run_jobs(jobs, a.jobs, "run");

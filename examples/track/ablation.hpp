@@ -20,6 +20,7 @@ struct Variant {
   std::vector<std::pair<std::string, std::string>> settings;  ///< path of a field and its value
   std::string without;                                        ///< path of a weight that is given to the others of its group; empty: none
   bool paper = false;                                         ///< begins with paper_options() instead of the settings given
+  bool true_masks = false;                                    ///< masks from the generator: synthetic sequences only
 };
 
 /// The variants that are the same for all settings to start from.
@@ -29,6 +30,7 @@ inline std::vector<Variant> fixed_variants() {
   const auto refiner = [](const std::string& path) { return "pipeline.refiner." + path; };
   return {
       {"default", "everything as shipped", {}, ""},
+      {"plain", "features alone: nothing masked, nothing refined", {{"pipeline.motion", "false"}, {"pipeline.refine", "none"}}, ""},
       {"no_refinement", "the poses of the features alone", {{"pipeline.refine", "none"}}, ""},
       {"bad_only", "GOOD frames keep the pose of the features", {{"pipeline.refine", "bad_only"}}, ""},
       {"no_previous", "no alignment to the frame before", {{refiner("memory.previous"), "false"}}, ""},
@@ -78,6 +80,7 @@ inline std::vector<Variant> fixed_variants() {
       {"ratio_count", "dynamic ratio of objects", {{assessor("dynamic_ratio"), "count"}}, ""},
       {"hysteresis", "th_differ 0.03 higher once BAD", {{decision("hysteresis"), "0.03"}}, ""},
       {"auto_threshold", "th_differ follows the GOOD frames", {{decision("auto_calibrate"), "true"}}, ""},
+      {"true_masks", "as shipped, with the generator's masks instead of the policy's", {{"pipeline.motion", "false"}}, "", false, true},
   };
 }
 

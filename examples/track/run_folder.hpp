@@ -37,6 +37,8 @@ struct RunFrame {
   double rotation_1f = kNone;  ///< [rad]
   double rpe_1s = kNone;       ///< ... since one second before [m]
   bool failed = false;         ///< lost, or rpe_1f above a multiple of its median
+  double final_1f = kNone;     ///< error of the motion of the final pose since the frame before: translation [m]
+  double final_angle = kNone;  ///< ... rotation [rad]
   double before = kNone;       ///< BAD frames: error of the feature pose since the last GOOD frame [m]
   double after = kNone;        ///< ... of the final pose
   [[nodiscard]] bool decided() const { return state != "INITIALISING"; }
@@ -172,6 +174,15 @@ inline Run read_run(const std::string& folder, const std::string& groundtruth = 
       break;
     }
     errors.push_back(f.rpe_1f);
+    if (i > 0) {
+      const apso::Pose* last = pose_near(finals, run.frames[i - 1].timestamp, same);
+      const apso::Pose* own = pose_near(finals, f.timestamp, same);
+      if (last != nullptr && own != nullptr) {
+        const apso::Pose d = difference(*last, *own, run.frames[i - 1].timestamp, f.timestamp);
+        f.final_1f = d.translation().norm();
+        if (std::isfinite(f.final_1f)) f.final_angle = apso::rotation_angle(d);
+      }
+    }
     if (f.state == "GOOD") anchor = f.timestamp;
     if (f.state == "BAD" && std::isfinite(anchor)) {
       const apso::Pose* a = pose_near(finals, anchor, same);

@@ -1,7 +1,8 @@
 /// \file
 /// Runs apso_track as a child process, for programs that need many runs: a sequence is written
 /// `NAME,option=value,...` with the options of apso_track, e.g. `synthetic:stress_dark,seed=3` or
-/// `path/to/recording,camera=bonn,max-frames=200`. A complete run is not repeated.
+/// `path/to/recording,camera=bonn,max-frames=200`. `camera-truth=FILE` is not for apso_track: it names the ground truth for errors of
+/// motion, where that of the recording follows a body other than the camera. A complete run is not repeated.
 #pragma once
 
 #include <fcntl.h>
@@ -35,6 +36,9 @@ struct SequenceSpec {
   std::string text;
   std::string name;  ///< usable as the name of a folder
   std::vector<std::string> arguments;
+  std::string camera_truth;  ///< ground truth in the camera's frame; empty: that of the recording is
+
+  [[nodiscard]] bool synthetic() const { return arguments[0].rfind("synthetic:", 0) == 0; }
 };
 
 inline std::string folder_name(const std::string& text) {
@@ -51,9 +55,13 @@ inline SequenceSpec parse_sequence(const std::string& text) {
   std::getline(parts, part, ',');
   spec.arguments.push_back(part);
   namespace fs = std::filesystem;
-  spec.name = part.rfind("synthetic:", 0) == 0 ? part.substr(10) : fs::path(part).lexically_normal().filename().string();
+  spec.name = spec.synthetic() ? part.substr(10) : fs::path(part).lexically_normal().filename().string();
   while (std::getline(parts, part, ',')) {
     const auto eq = part.find('=');
+    if (eq != std::string::npos && part.substr(0, eq) == "camera-truth") {
+      spec.camera_truth = part.substr(eq + 1);
+      continue;
+    }
     spec.arguments.push_back("--" + part.substr(0, eq));
     if (eq != std::string::npos) spec.arguments.push_back(part.substr(eq + 1));
     if (part.rfind("camera", 0) != 0) spec.name += "_" + part;

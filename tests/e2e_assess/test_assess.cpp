@@ -8,6 +8,8 @@ TEST_CASE("apso_assess") { MESSAGE("skipped: the programs are not built (APSO_BU
 #else
 
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -157,6 +159,64 @@ TEST_CASE("bad input is named") {
   CHECK(o.code == 1);
   o = run_program("apso_calibrate synthetic:static_static --fit-weights --output " + d + "/c.yaml", f.path);
   CHECK(o.code == 2);
+}
+
+TEST_CASE("one command makes the page of results, goes on where it stopped, and writes what it measured") {
+  if (std::system("python3 -c 'import json' 2> /dev/null") != 0) {
+    MESSAGE("skipped: python3 was not found");
+    return;
+  }
+  const Folder f;
+  const std::string d = f.path.string();
+  REQUIRE(run_program("apso_synth static_static --seed 7 --frames 31 --quiet --output " + d + "/data/room", f.path).code == 0);
+  fs::create_directories(f.path / "data/pair");  // too short to be a recording
+  std::ofstream(f.path / "data/pair/associations.txt") << "1 a.png 1 b.png\n";
+  const std::string command = "python3 " APSO_SOURCE "/scripts/results.py " + d + "/data --programs " APSO_PROGRAMS " --runs " + d +
+                              "/runs --output " + d +
+                              "/results.md --synthetic static_static --frames 31 --first-seed 101 --seeds 2 --recorded 2";
+  // nothing was run: a table of nothing is told apart from one of zeros
+  Outcome o = run(command + " --table", f.path);
+  INFO(o.text);
+  REQUIRE(o.code == 0);
+  const auto page = [&] {
+    std::stringstream text;
+    text << std::ifstream(f.path / "results.md").rdbuf();
+    return text.str();
+  };
+  CHECK(page().find("with no of 2 seeds") != std::string::npos);
+  o = run(command, f.path);
+  REQUIRE(o.code == 0);
+  CHECK(o.text.find("run 22/22") != std::string::npos);  // 5 variants of the recording and 6 of the synthetic one, twice
+  const fs::path runs = fs::directory_iterator(f.path / "runs")->path();
+  const json a = read_json(runs / "ablation.json");
+  int looked_at = 0;
+  for (const json& entry : a["by_sequence"]) {
+    if (entry["runs"].empty()) continue;
+    double sum = 0;
+    for (const json& one : entry["runs"]) sum += 1e3 * one["ate_m"].get<double>();
+    char cell[32];
+    std::snprintf(cell, sizeof cell, "| %.1f ", sum / 2);
+    CAPTURE(entry["variant"]);
+    CHECK(page().find(cell) != std::string::npos);
+    CHECK(page().find("(31 of 31)") != std::string::npos);
+    ++looked_at;
+  }
+  CHECK(looked_at == 11);
+  CHECK(page().find("| room | 2 | nominal stamps |") != std::string::npos);
+  CHECK(page().find("with 2 of 2 seeds") != std::string::npos);
+  CHECK(page().find("| pair |") == std::string::npos);
+
+  // stopped halfway: a repetition that one variant lacks does not count, and is all that is made again
+  fs::remove(runs / "default/static_static_max-frames_31_seed_101_r1/summary.json");
+  REQUIRE(run(command + " --table", f.path).code == 0);
+  CHECK(page().find("with 1 of 2 seeds") != std::string::npos);
+  CHECK(page().find("The set is not complete.") != std::string::npos);
+  o = run(command, f.path);
+  REQUIRE(o.code == 0);
+  std::size_t kept = 0;
+  for (std::size_t at = o.text.find("(was done)"); at != std::string::npos; at = o.text.find("(was done)", at + 1)) ++kept;
+  CHECK(kept == 21);
+  CHECK(page().find("with 2 of 2 seeds") != std::string::npos);
 }
 
 TEST_CASE("one lost or broken run does not cost the table") {
