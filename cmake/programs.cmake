@@ -32,4 +32,4 @@ install(FILES LICENSE DESTINATION ${_doc}/apso RENAME copyright COMPONENT progra
 install(FILES LICENSE DESTINATION ${_doc}/apso-doc RENAME copyright COMPONENT doc)
 # Pages and the sources that they show, as in the repository, so that their links work.
 install(FILES README.md CHANGELOG.md CONTRIBUTING.md CITATION.cff LICENSE DESTINATION ${_doc}/apso COMPONENT doc)
-install(DIRECTORY docs examples DESTINATION ${_doc}/apso COMPONENT doc PATTERN "Doxyfile" EXCLUDE PATTERN "*.py" EXCLUDE)
+install(DIRECTORY docs examples DESTINATION ${_doc}/apso COMPONENT doc PATTERN "Doxyfile" EXCLUDE PATTERN "*.dox" EXCLUDE PATTERN "*.py" EXCLUDE)
