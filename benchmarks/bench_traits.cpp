@@ -11,9 +11,9 @@
 #include <apso/io/camera_model.hpp>
 #include <apso/opencv/adapters.hpp>
 #include <apso/pipeline/working_copy.hpp>
-#include <apso/traits/byte_image.hpp>
-#include <apso/traits/eigen_image.hpp>
-#include <apso/traits/rectifier.hpp>
+#include <apso/traits/images/byte_image.hpp>
+#include <apso/traits/images/eigen_image.hpp>
+#include <apso/traits/images/rectifier.hpp>
 
 #include "../examples/integrate/types/recipes.hpp"
 #include "../tests/foreign_types.hpp"

@@ -6,7 +6,7 @@
 
 #include <apso/io/camera_model.hpp>
 #include <apso/traits/frame.hpp>
-#include <apso/traits/rectifier.hpp>
+#include <apso/traits/images/rectifier.hpp>
 
 int main() {
   const std::vector<std::uint8_t> grey(640 * 480, 100);

@@ -5,18 +5,18 @@
 
 // Traits first: the compiler then says what a type of yours lacks in its first lines, without a long list of headers before.
 #include <apso/traits/any.hpp>
-#include <apso/traits/byte_image.hpp>
 #include <apso/traits/camera.hpp>
 #include <apso/traits/concepts.hpp>
 #include <apso/traits/detection.hpp>
-#include <apso/traits/eigen_image.hpp>
 #include <apso/traits/frame.hpp>
 #include <apso/traits/image.hpp>
+#include <apso/traits/images/byte_image.hpp>
+#include <apso/traits/images/eigen_image.hpp>
+#include <apso/traits/images/rectifier.hpp>
+#include <apso/traits/images/rows.hpp>
 #include <apso/traits/keypoint.hpp>
 #include <apso/traits/pose.hpp>
 #include <apso/traits/ranges.hpp>
-#include <apso/traits/rectifier.hpp>
-#include <apso/traits/rows.hpp>
 #include <apso/traits/stamped_pose.hpp>
 #include <apso/traits/track.hpp>
 
@@ -33,8 +33,8 @@
 #include <apso/math/assignment.hpp>
 #include <apso/math/constants.hpp>
 #include <apso/math/kernels.hpp>
-#include <apso/math/lane_functions.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lane_functions.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/math/linear_congruential.hpp>
 #include <apso/math/rigid_alignment.hpp>
 #include <apso/math/robust_scale.hpp>
@@ -123,10 +123,10 @@
 #include <apso/refinement/cost/noise_model.hpp>
 #include <apso/refinement/cost/normal_equations.hpp>
 #include <apso/refinement/cost/region_labels.hpp>
-#include <apso/refinement/cost/residual_samples.hpp>
 #include <apso/refinement/cost/residuals.hpp>
-#include <apso/refinement/cost/scale_estimator.hpp>
-#include <apso/refinement/cost/term_scales.hpp>
+#include <apso/refinement/cost/scale/residual_samples.hpp>
+#include <apso/refinement/cost/scale/scale_estimator.hpp>
+#include <apso/refinement/cost/scale/term_scales.hpp>
 #include <apso/refinement/cost/tile_summer.hpp>
 #include <apso/refinement/cost/warped_pixels.hpp>
 #include <apso/refinement/memory/frame_descriptor.hpp>

@@ -39,7 +39,7 @@
 #define APSO_COLD
 #endif
 
-// How many floats are worked on at once depends on the instruction set that is compiled for (math/lanes.hpp), and with it the code of
+// How many floats are worked on at once depends on the instruction set that is compiled for (math/lanes/lanes.hpp), and with it the code of
 // functions and the layout of buffers: each set has names of its own, so that parts compiled for different ones can be linked together.
 #if defined(__GNUC__) && defined(__AVX512F__)
 #define APSO_INSTRUCTION_SET _avx512

@@ -36,4 +36,4 @@
 #include <apso/observation/objects/object_tracker.hpp>
 #include <apso/observation/soft_weights.hpp>
 #include <apso/traits/frame.hpp>
-#include <apso/traits/rows.hpp>
+#include <apso/traits/images/rows.hpp>

@@ -42,7 +42,7 @@
 
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/tracker/landmark_tracker.hpp>
-#include <apso/traits/byte_image.hpp>
-#include <apso/traits/eigen_image.hpp>
 #include <apso/traits/frame.hpp>
-#include <apso/traits/rows.hpp>
+#include <apso/traits/images/byte_image.hpp>
+#include <apso/traits/images/eigen_image.hpp>
+#include <apso/traits/images/rows.hpp>

@@ -16,9 +16,9 @@
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/traits/any.hpp>
-#include <apso/traits/byte_image.hpp>
 #include <apso/traits/frame.hpp>
-#include <apso/traits/rows.hpp>
+#include <apso/traits/images/byte_image.hpp>
+#include <apso/traits/images/rows.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/keypoint.hpp>
 #include <apso/types/pinhole.hpp>

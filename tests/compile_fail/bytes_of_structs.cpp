@@ -1,5 +1,5 @@
 // expect: apso: ByteImage<T> needs an arithmetic pixel type, e.g. std::uint16_t
-#include <apso/traits/byte_image.hpp>
+#include <apso/traits/images/byte_image.hpp>
 
 struct Rgb {
   unsigned char r, g, b;

@@ -8,7 +8,7 @@
 #include <apso/io/camera_model.hpp>
 #include <apso/testing/conformance.hpp>
 #include <apso/traits/frame.hpp>
-#include <apso/traits/rectifier.hpp>
+#include <apso/traits/images/rectifier.hpp>
 
 #include "../foreign_types.hpp"
 

@@ -3,8 +3,8 @@
 
 #include <doctest/doctest.h>
 
-#include <apso/math/lane_functions.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lane_functions.hpp>
+#include <apso/math/lanes/lanes.hpp>
 
 using namespace apso;
 

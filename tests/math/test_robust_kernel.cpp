@@ -7,7 +7,7 @@
 
 #include <apso/math/kernels.hpp>
 #include <apso/refinement/cost/kernel_loop.hpp>
-#include <apso/refinement/cost/residual_samples.hpp>
+#include <apso/refinement/cost/scale/residual_samples.hpp>
 
 using namespace apso;
 

@@ -1,6 +1,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <type_traits>
 
 #include <doctest/doctest.h>
 
@@ -9,6 +10,24 @@
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
+
+namespace {
+// Eigen's own operators: written before the names of apso are visible.
+struct ByEigen {
+  template <class A, class B>
+  static auto sum(const A& a, const B& b) {
+    return (a + b).eval();
+  }
+  template <class A, class B>
+  static auto difference(const A& a, const B& b) {
+    return (a - b).eval();
+  }
+  template <class A, class B>
+  static auto product(const A& a, const B& b) {
+    return (a * b).eval();
+  }
+};
+}  // namespace
 
 using namespace apso;
 
@@ -32,10 +51,19 @@ void check_against_eigen(double tolerance) {
     const auto B = random_like<Eigen::Matrix<S, K, C>>(random);
     const auto A2 = random_like<Eigen::Matrix<S, R, K>>(random);
     const auto D = random_like<Eigen::Matrix<S, R, C>>(random);
-    CHECK(same(plus(A, A2), A + A2));
-    CHECK(same(minus(A, A2), A - A2));
-    CHECK(same(times(static_cast<S>(-2.5), A), static_cast<S>(-2.5) * A));
-    CHECK(same(times(A, B), A * B));
+    static_assert(std::is_same_v<decltype(A + A2), Eigen::Matrix<S, R, K, Options>>, "values, no expressions");
+    static_assert(std::is_same_v<decltype(A * B), Eigen::Matrix<S, R, C, Options>>, "values, no expressions");
+    CHECK(same(A + A2, ByEigen::sum(A, A2)));
+    CHECK(same(A - A2, ByEigen::difference(A, A2)));
+    CHECK(same(-A, ByEigen::difference(A2, A) - A2));
+    CHECK(same(static_cast<S>(-2.5) * A, ByEigen::product(static_cast<S>(-2.5), A)));
+    CHECK(same(A * B, ByEigen::product(A, B)));
+    auto sum = A;
+    CHECK(&(sum += A2) == &sum);
+    CHECK(same(sum, ByEigen::sum(A, A2)));
+    auto scaled = A;
+    CHECK(&(scaled *= static_cast<S>(3)) == &scaled);
+    CHECK(same(scaled, ByEigen::product(static_cast<S>(3), A)));
     CHECK(same(transposed_times(A, D), A.transpose() * D));
     CHECK(all_finite(A));
     auto broken = A;

@@ -4,8 +4,8 @@
 #include <doctest/doctest.h>
 
 #include <apso/testing/conformance.hpp>
+#include <apso/traits/images/rows.hpp>
 #include <apso/traits/ranges.hpp>
-#include <apso/traits/rows.hpp>
 
 #include "../foreign_types.hpp"
 

@@ -8,9 +8,9 @@
 #include <doctest/doctest.h>
 
 #include <apso/testing/conformance.hpp>
-#include <apso/traits/byte_image.hpp>
 #include <apso/traits/concepts.hpp>
-#include <apso/traits/eigen_image.hpp>
+#include <apso/traits/images/byte_image.hpp>
+#include <apso/traits/images/eigen_image.hpp>
 
 #include "../../examples/integrate/types/recipes.hpp"
 

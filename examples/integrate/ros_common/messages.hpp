@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include <apso/traits/byte_image.hpp>
 #include <apso/traits/image.hpp>
+#include <apso/traits/images/byte_image.hpp>
 
 namespace apso_ros {
 

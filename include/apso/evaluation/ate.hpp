@@ -82,7 +82,7 @@ using AteResult = BasicAteResult<>;
   Trajectory out;
   out.reserve(estimate.size());
   for (const StampedPose& p : estimate) {
-    const Pose scaled = make_pose(rotation(p.T_world_body), times(ate.scale, translation(p.T_world_body)));
+    const Pose scaled = make_pose(rotation(p.T_world_body), ate.scale * translation(p.T_world_body));
     out.push_back({p.timestamp, compose(ate.T_groundtruth_estimate, scaled)});
   }
   return out;
@@ -124,7 +124,7 @@ namespace detail {
   if (!unique) result.status = Status::Degenerate;
   result.errors.reserve(truth.size());
   for (std::size_t i = 0; i < truth.size(); ++i) {
-    result.errors.push_back((transform(result.T_groundtruth_estimate, times(result.scale, positions[i])) - truth[i]).norm());
+    result.errors.push_back((transform(result.T_groundtruth_estimate, result.scale * positions[i]) - truth[i]).norm());
   }
   result.statistics = compute_statistics(result.errors);
   return result;

@@ -12,7 +12,7 @@
 /// };
 /// \endcode
 ///
-/// `min`, `max`, `abs`, `sqrt`, `exp`, `expm1`, `log`, `log1p` exist for Lanes by these names (math/lanes.hpp, lane_functions.hpp);
+/// `min`, `max`, `abs`, `sqrt`, `exp`, `expm1`, `log`, `log1p` exist for Lanes by these names (math/lanes/lanes.hpp, lane_functions.hpp);
 /// where a formula branches, `select(condition, a, b)` takes the place of `?:`. BasicDirectAligner takes such a struct.
 ///
 /// The default constants give 95 % efficiency for Gaussian residuals. Sources: Holland & Welsch 1977 (constants),
@@ -25,8 +25,8 @@
 #include <type_traits>
 
 #include <apso/config.hpp>
-#include <apso/math/lane_functions.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lane_functions.hpp>
+#include <apso/math/lanes/lanes.hpp>
 
 APSO_NAMESPACE_BEGIN
 

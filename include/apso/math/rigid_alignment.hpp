@@ -35,18 +35,18 @@ struct HornAlignment {
   Eigen::Vector3d mean_target(0, 0, 0);
   Eigen::Vector3d mean_source(0, 0, 0);
   for (std::size_t i = 0; i < target.size(); ++i) {
-    mean_target = plus(mean_target, target[i]);
-    mean_source = plus(mean_source, source[i]);
+    mean_target += target[i];
+    mean_source += source[i];
   }
-  mean_target = times(1.0 / n, mean_target);
-  mean_source = times(1.0 / n, mean_source);
+  mean_target *= 1.0 / n;
+  mean_source *= 1.0 / n;
   expects(all_finite(mean_target) && all_finite(mean_source), "align_horn: points must be finite");
   double S[3][3] = {};  // sum of source times target^T, as in the article
   double spread_target = 0;
   double spread_source = 0;
   for (std::size_t i = 0; i < target.size(); ++i) {
-    const Eigen::Vector3d q = minus(target[i], mean_target);
-    const Eigen::Vector3d p = minus(source[i], mean_source);
+    const Eigen::Vector3d q = target[i] - mean_target;
+    const Eigen::Vector3d p = source[i] - mean_source;
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c) S[r][c] += p(r) * q(c);
     }
@@ -83,7 +83,7 @@ struct HornAlignment {
     q = unit({vectors[0][3], vectors[1][3], vectors[2][3], vectors[3][3]});
   }
   const Eigen::Matrix3d R = rotation(q);
-  result.T_target_source = make_pose(R, minus(mean_target, times(R, mean_source)));
+  result.T_target_source = make_pose(R, mean_target - R * mean_source);
   return result;
 }
 

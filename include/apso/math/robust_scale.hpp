@@ -14,7 +14,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 
 APSO_NAMESPACE_BEGIN
 

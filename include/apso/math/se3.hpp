@@ -58,7 +58,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
 
 /// T_a_b T_b_c = T_a_c.
 [[nodiscard]] APSO_NOINLINE inline Pose compose(const Pose& T_a_b, const Pose& T_b_c) {
-  return make_pose(times(rotation(T_a_b), rotation(T_b_c)), transform(T_a_b, translation(T_b_c)));
+  return make_pose(rotation(T_a_b) * rotation(T_b_c), transform(T_a_b, translation(T_b_c)));
 }
 
 /// A motion in float, for loops over pixels.
@@ -200,7 +200,7 @@ struct FloatPose {
   }
   const Eigen::Vector3d wv = cross(w, v);
   const Eigen::Vector3d wwv = cross(w, wv);
-  return make_pose(rotation(so3_exp(w)), plus(v, plus(times(a, wv), times(b, wwv))));
+  return make_pose(rotation(so3_exp(w)), v + (a * wv + b * wwv));
 }
 
 /// Logarithm of a rigid motion, rotation angle in [0, pi]. Not finite for a motion that is not.
@@ -276,7 +276,7 @@ inline constexpr double kRotationTolerance = 0.01;  ///< of the elements of R^T 
 [[nodiscard]] inline Pose sclerp(const Pose& T_0, const Pose& T_1, double s) {
   if (s <= 0) return T_0;
   if (s >= 1) return T_1;
-  return compose(T_0, se3_exp(times(s, se3_log(compose(inverse(T_0), T_1)))));
+  return compose(T_0, se3_exp(s * se3_log(compose(inverse(T_0), T_1))));
 }
 
 APSO_NAMESPACE_END

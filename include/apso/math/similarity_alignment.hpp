@@ -23,8 +23,8 @@ enum class Axis { X, Y, Z };
 namespace detail {
 [[nodiscard]] inline Eigen::Vector3d mean_point(const std::vector<Eigen::Vector3d>& points) {
   Eigen::Vector3d sum(0, 0, 0);
-  for (const Eigen::Vector3d& p : points) sum = plus(sum, p);
-  return times(1.0 / static_cast<double>(points.size()), sum);
+  for (const Eigen::Vector3d& p : points) sum += p;
+  return 1.0 / static_cast<double>(points.size()) * sum;
 }
 }  // namespace detail
 
@@ -50,14 +50,14 @@ struct SimilarityAlignment {
   double together = 0;
   double spread = 0;
   for (std::size_t i = 0; i < target.size(); ++i) {
-    const Eigen::Vector3d p = minus(source[i], mean_source);
-    together += dot(minus(target[i], mean_target), times(R, p));
+    const Eigen::Vector3d p = source[i] - mean_source;
+    together += dot(target[i] - mean_target, R * p);
     spread += squared_norm(p);
   }
   const double scale = together / spread;
   if (!(scale > 0) || !std::isfinite(scale)) return result;
   result.scale = scale;
-  result.T_target_source = make_pose(R, minus(mean_target, times(scale, times(R, mean_source))));
+  result.T_target_source = make_pose(R, mean_target - scale * (R * mean_source));
   return result;
 }
 
@@ -84,8 +84,8 @@ struct YawAlignment {
   double sine = 0;
   double size = 0;
   for (std::size_t i = 0; i < target.size(); ++i) {
-    const Eigen::Vector3d q = minus(target[i], mean_target);
-    const Eigen::Vector3d p = minus(source[i], mean_source);
+    const Eigen::Vector3d q = target[i] - mean_target;
+    const Eigen::Vector3d p = source[i] - mean_source;
     cosine += p(u) * q(u) + p(v) * q(v);
     sine += p(u) * q(v) - p(v) * q(u);
     size += norm(p) * norm(q);
@@ -102,7 +102,7 @@ struct YawAlignment {
     R(v, u) = sine / length;
     R(u, v) = -sine / length;
   }
-  result.T_target_source = make_pose(R, minus(mean_target, times(R, mean_source)));
+  result.T_target_source = make_pose(R, mean_target - R * mean_source);
   return result;
 }
 

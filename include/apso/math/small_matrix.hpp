@@ -1,12 +1,14 @@
 /// \file
 /// Arithmetic of small vectors and matrices of fixed size as plain loops.
 ///
-/// Eigen's operators do the same. But each of their results is a type of its own, which every file that includes the
-/// library pays for with up to a quarter of a second of the compiler's time (docs/compile_cost.md); these functions cost a file nothing
-/// that does not call them, and next to nothing that does. The library uses them throughout; yours need not.
+/// Eigen's operators do the same, but each of their results is a type of its own, which every file that includes the library pays for with
+/// up to a quarter of a second of the compiler's time (docs/compile_cost.md). The operators here match plain matrices better than Eigen's
+/// templates of expressions, so inside namespace apso `R * x + t` is arithmetic of values: it costs a compiler next to nothing, and
+/// `auto` holds no reference. Code outside the namespace keeps Eigen's.
 #pragma once
 
 #include <cmath>
+#include <type_traits>
 
 #include <Eigen/Core>
 
@@ -32,9 +34,15 @@ template <class M>
   return m;
 }
 
+namespace detail {
+// Column-major matrices of fixed size; all others are Eigen's business.
+template <int R, int C, int Options>
+using IfFixed = std::enable_if_t<(R > 0 && C > 0 && (Options & Eigen::RowMajor) == 0), int>;
+}  // namespace detail
+
 /// A + B.
-template <class S, int R, int C, int A_, int B_>
-[[nodiscard]] Eigen::Matrix<S, R, C, A_> plus(const Eigen::Matrix<S, R, C, A_>& A, const Eigen::Matrix<S, R, C, B_>& B) {
+template <class S, int R, int C, int A_, int B_, detail::IfFixed<R, C, A_> = 0>
+[[nodiscard]] Eigen::Matrix<S, R, C, A_> operator+(const Eigen::Matrix<S, R, C, A_>& A, const Eigen::Matrix<S, R, C, B_>& B) {
   Eigen::Matrix<S, R, C, A_> M;
   for (int j = 0; j < C; ++j) {
     for (int i = 0; i < R; ++i) M(i, j) = A(i, j) + B(i, j);
@@ -43,8 +51,8 @@ template <class S, int R, int C, int A_, int B_>
 }
 
 /// A - B.
-template <class S, int R, int C, int A_, int B_>
-[[nodiscard]] Eigen::Matrix<S, R, C, A_> minus(const Eigen::Matrix<S, R, C, A_>& A, const Eigen::Matrix<S, R, C, B_>& B) {
+template <class S, int R, int C, int A_, int B_, detail::IfFixed<R, C, A_> = 0>
+[[nodiscard]] Eigen::Matrix<S, R, C, A_> operator-(const Eigen::Matrix<S, R, C, A_>& A, const Eigen::Matrix<S, R, C, B_>& B) {
   Eigen::Matrix<S, R, C, A_> M;
   for (int j = 0; j < C; ++j) {
     for (int i = 0; i < R; ++i) M(i, j) = A(i, j) - B(i, j);
@@ -52,9 +60,28 @@ template <class S, int R, int C, int A_, int B_>
   return M;
 }
 
+/// A += B.
+template <class S, int R, int C, int A_, int B_, detail::IfFixed<R, C, A_> = 0>
+Eigen::Matrix<S, R, C, A_>& operator+=(Eigen::Matrix<S, R, C, A_>& A, const Eigen::Matrix<S, R, C, B_>& B) {
+  for (int j = 0; j < C; ++j) {
+    for (int i = 0; i < R; ++i) A(i, j) += B(i, j);
+  }
+  return A;
+}
+
+/// -A.
+template <class S, int R, int C, int A_, detail::IfFixed<R, C, A_> = 0>
+[[nodiscard]] Eigen::Matrix<S, R, C, A_> operator-(const Eigen::Matrix<S, R, C, A_>& A) {
+  Eigen::Matrix<S, R, C, A_> M;
+  for (int j = 0; j < C; ++j) {
+    for (int i = 0; i < R; ++i) M(i, j) = -A(i, j);
+  }
+  return M;
+}
+
 /// s A.
-template <class S, int R, int C, int A_>
-[[nodiscard]] Eigen::Matrix<S, R, C, A_> times(S s, const Eigen::Matrix<S, R, C, A_>& A) {
+template <class S, int R, int C, int A_, detail::IfFixed<R, C, A_> = 0>
+[[nodiscard]] Eigen::Matrix<S, R, C, A_> operator*(S s, const Eigen::Matrix<S, R, C, A_>& A) {
   Eigen::Matrix<S, R, C, A_> M;
   for (int j = 0; j < C; ++j) {
     for (int i = 0; i < R; ++i) M(i, j) = s * A(i, j);
@@ -62,9 +89,18 @@ template <class S, int R, int C, int A_>
   return M;
 }
 
+/// A *= s.
+template <class S, int R, int C, int A_, detail::IfFixed<R, C, A_> = 0>
+Eigen::Matrix<S, R, C, A_>& operator*=(Eigen::Matrix<S, R, C, A_>& A, S s) {
+  for (int j = 0; j < C; ++j) {
+    for (int i = 0; i < R; ++i) A(i, j) *= s;
+  }
+  return A;
+}
+
 /// A B.
-template <class S, int R, int K, int C, int A_, int B_>
-[[nodiscard]] Eigen::Matrix<S, R, C, A_> times(const Eigen::Matrix<S, R, K, A_>& A, const Eigen::Matrix<S, K, C, B_>& B) {
+template <class S, int R, int K, int C, int A_, int B_, detail::IfFixed<R, C, A_> = 0>
+[[nodiscard]] Eigen::Matrix<S, R, C, A_> operator*(const Eigen::Matrix<S, R, K, A_>& A, const Eigen::Matrix<S, K, C, B_>& B) {
   Eigen::Matrix<S, R, C, A_> M;
   for (int j = 0; j < C; ++j) {
     for (int i = 0; i < R; ++i) {

@@ -10,8 +10,8 @@
 #include <apso/math/se3.hpp>
 #include <apso/traits/any.hpp>
 #include <apso/traits/frame.hpp>
+#include <apso/traits/images/rows.hpp>
 #include <apso/traits/ranges.hpp>
-#include <apso/traits/rows.hpp>
 #include <apso/types/detection.hpp>
 #include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>

@@ -16,8 +16,8 @@
 #include <apso/traits/any.hpp>
 #include <apso/traits/frame.hpp>
 #include <apso/traits/image.hpp>
+#include <apso/traits/images/rows.hpp>
 #include <apso/traits/pose.hpp>
-#include <apso/traits/rows.hpp>
 
 APSO_NAMESPACE_BEGIN
 

@@ -8,7 +8,7 @@
 #include <apso/options.hpp>
 #include <apso/refinement/cost/noise_model.hpp>
 #include <apso/refinement/cost/residuals.hpp>
-#include <apso/refinement/cost/term_scales.hpp>
+#include <apso/refinement/cost/scale/term_scales.hpp>
 
 APSO_NAMESPACE_BEGIN
 

@@ -13,8 +13,8 @@
 #include <apso/tracker/descriptor_matching.hpp>
 #include <apso/tracker/solvers/pose_optimisation.hpp>
 #include <apso/traits/image.hpp>
+#include <apso/traits/images/rows.hpp>
 #include <apso/traits/ranges.hpp>
-#include <apso/traits/rows.hpp>
 #include <apso/types/frame.hpp>
 #include <apso/types/keypoint.hpp>
 

@@ -96,7 +96,7 @@ class LandmarkMatcher {
       if (p.z() < 0.1) continue;
       const Eigen::Vector2d uv = camera_.project(p);
       if (!camera_.contains(uv.x(), uv.y(), kBorder)) continue;
-      const Eigen::Vector3d ray = minus(centre, l.point);
+      const Eigen::Vector3d ray = centre - l.point;
       const double distance = norm(ray);
       if (dot(ray, l.direction) < kMinCosine * distance) continue;
       const double exact_level = std::log(std::max(1e-6, l.unit_distance / distance)) / log_scale;

@@ -157,7 +157,7 @@ class BasicLandmarkTracker {
   [[nodiscard]] Pose moved_on() const {
     if (step_time_ <= 0) return normalized(T_world_previous_);
     const double s = std::clamp((timestamp_ - previous_timestamp_) / step_time_, 0.0, 3.0);
-    return normalized(compose(T_world_previous_, se3_exp(times(s, se3_log(step_)))));
+    return normalized(compose(T_world_previous_, se3_exp(s * se3_log(step_))));
   }
 
   [[nodiscard]] std::uint64_t frame_seed() const { return options_.seed + static_cast<std::uint64_t>(frame_number_); }
@@ -263,7 +263,7 @@ class BasicLandmarkTracker {
       // What was only predicted fades: a camera that is lost is sooner found near the place where it was seen last.
       const Pose off = compose(inverse(T_world_predicted_), T_world_camera);
       const bool guessed = !ok_ && norm(translation(off)) < 1e-9 && rotation_angle(off) < 1e-9;
-      if (guessed) step_ = se3_exp(times(kFading, se3_log(step_)));
+      if (guessed) step_ = se3_exp(kFading * se3_log(step_));
     } else {
       step_ = identity_pose();
       step_time_ = 0;

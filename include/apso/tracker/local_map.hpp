@@ -187,7 +187,7 @@ class LocalMap {
     l.descriptor = descriptor(best);
     Eigen::Vector3d sum(0, 0, 0);
     for (const LandmarkView& v : l.views) {
-      const Eigen::Vector3d ray = minus(translation(keyframe(v.keyframe).T_world_camera), l.point);
+      const Eigen::Vector3d ray = translation(keyframe(v.keyframe).T_world_camera) - l.point;
       const double length = norm(ray);
       for (int i = 0; i < 3 && length > 0; ++i) sum(i) += ray(i) / length;
     }
@@ -197,7 +197,7 @@ class LocalMap {
     const MapKeyframe& k = keyframe(last.keyframe);
     const Keypoint& p = k.features.keypoints[static_cast<std::size_t>(last.feature)];
     l.angle = p.angle;
-    l.unit_distance = norm(minus(translation(k.T_world_camera), l.point)) * octaves.sigma(p.octave);
+    l.unit_distance = norm(translation(k.T_world_camera) - l.point) * octaves.sigma(p.octave);
   }
 
  private:

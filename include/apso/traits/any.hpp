@@ -24,9 +24,9 @@
 #include <apso/math/se3.hpp>
 #include <apso/traits/frame.hpp>
 #include <apso/traits/image.hpp>
+#include <apso/traits/images/rows.hpp>
 #include <apso/traits/pose.hpp>
 #include <apso/traits/ranges.hpp>
-#include <apso/traits/rows.hpp>
 #include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>

@@ -100,10 +100,11 @@ template <class CameraT>
     for (int i = 0; i <= 4; ++i) {
       const Eigen::Vector2d pixel(right * i / 4.0, bottom * j / 4.0);
       const Eigen::Vector3d ray = Traits::unproject(camera, pixel);
-      const double error = norm(minus(p.project(ray), pixel));
+      const double error = norm(p.project(ray) - pixel);
       // false for NaN
-      expects(error <= tolerance_px,
-              "to_pinhole: the camera has lens distortion; rectify its images first, with apso::Rectifier (apso/traits/rectifier.hpp)");
+      expects(
+          error <= tolerance_px,
+          "to_pinhole: the camera has lens distortion; rectify its images first, with apso::Rectifier (apso/traits/images/rectifier.hpp)");
     }
   }
   return p;

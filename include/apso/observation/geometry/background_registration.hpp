@@ -91,7 +91,7 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
           if (reference->dynamic(iu, iv) != 0 || squared_norm(n_r) == 0) continue;
           const float zr = reference->depth(iu, iv);
           const Eigen::Vector3f q((static_cast<float>(iu) - cx) / fx * zr, (static_cast<float>(iv) - cy) / fy * zr, zr);
-          const float r = dot(n_r, minus(Y, q));
+          const float r = dot(n_r, Y - q);
           ++judged;
           const float g = gate + 2.0F * depth_sigma(z);
           const float e = r / g;
@@ -118,8 +118,8 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
     if (judged > 0) cost /= judged;
     if (n > kIndependent) {
       const double s = static_cast<double>(kIndependent) / n;
-      H = times(s, H);
-      b = times(s, b);
+      H *= s;
+      b *= s;
     }
     return n;
   };
@@ -136,7 +136,7 @@ inline BackgroundRegistration register_background(const Image<float>& depth, con
       result.status = Status::TooFewPixels;
       return result;
     }
-    const Twist step = times(-1.0, solve_symmetric(plus(H, prior), plus(b, times(prior, se3_log(D)))));
+    const Twist step = -solve_symmetric(H + prior, b + prior * se3_log(D));
     if (!all_finite(step)) {
       result.status = Status::SingularSystem;
       return result;

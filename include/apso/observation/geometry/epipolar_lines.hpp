@@ -25,7 +25,7 @@ struct PointPair {
 
 /// Distance of the current point to the epipolar line F past [px]; 0 where the line is not defined.
 [[nodiscard]] inline double epipolar_distance(const Eigen::Matrix3d& F, const PointPair& p) {
-  const Eigen::Vector3d line = times(F, Eigen::Vector3d(p.past.x(), p.past.y(), 1.0));
+  const Eigen::Vector3d line = F * Eigen::Vector3d(p.past.x(), p.past.y(), 1.0);
   const double n = std::sqrt(line.x() * line.x() + line.y() * line.y());
   return n > 1e-12 ? std::abs(line.x() * p.current.x() + line.y() * p.current.y() + line.z()) / n : 0.0;
 }
@@ -63,8 +63,8 @@ struct PointPair {
   }
   double A[9][9] = {};  // lower triangle
   for (int i : chosen) {
-    const Eigen::Vector3d a = times(N[0], Eigen::Vector3d(point(i, 0).x(), point(i, 0).y(), 1.0));
-    const Eigen::Vector3d b = times(N[1], Eigen::Vector3d(point(i, 1).x(), point(i, 1).y(), 1.0));
+    const Eigen::Vector3d a = N[0] * Eigen::Vector3d(point(i, 0).x(), point(i, 0).y(), 1.0);
+    const Eigen::Vector3d b = N[1] * Eigen::Vector3d(point(i, 1).x(), point(i, 1).y(), 1.0);
     double row[9];
     for (int k = 0; k < 9; ++k) row[k] = b(k / 3) * a(k % 3);
     for (int k = 0; k < 9; ++k) {
@@ -90,11 +90,11 @@ struct PointPair {
     for (int c = 0; c < 3; ++c) along += M(r, c) * directions[c][0];
     for (int c = 0; c < 3; ++c) M(r, c) -= along * directions[c][0];
   }
-  F = times(transposed_times(N[1], M), N[0]);
+  F = transposed_times(N[1], M) * N[0];
   double sum = 0;
   for (int k = 0; k < 9; ++k) sum += F(k / 3, k % 3) * F(k / 3, k % 3);
   if (!(sum > 0) || !std::isfinite(sum)) return false;
-  F = times(1.0 / std::sqrt(sum), F);
+  F = 1.0 / std::sqrt(sum) * F;
   return true;
 }
 

@@ -156,12 +156,12 @@ inline LowResAlignment align_low_res(const SmallFrame& current, const SmallFrame
     scale = std::clamp(1.4826F * upper_median(scratch), 1.0F, 6.0F);
     const double count = static_cast<double>(kIndependent) / (2.0 * n);
     Matrix6 A = prior;
-    Twist b = times(prior, se3_log(compose(T, inverse(T_past_current_prior))));
+    Twist b = prior * se3_log(compose(T, inverse(T_past_current_prior)));
     for (int i = 0; i < 6; ++i) {
       for (int j = 0; j <= i; ++j) A(i, j) += count * static_cast<double>(H[i][j]);
       b(i) += count * static_cast<double>(g[i]);
     }
-    const Twist step = times(-1.0, solve_symmetric(A, b));
+    const Twist step = -solve_symmetric(A, b);
     if (!all_finite(step) || norm(step) > 0.5) {
       result.status = Status::Diverged;
       result.T_past_current = T_past_current_prior;

@@ -170,10 +170,10 @@ inline void depth_normals(const Image<float>& z, const Pinhole& camera, std::vec
       const float step = same_surface(c);
       if (std::abs(l + r - 2 * c) > step || std::abs(u + d - 2 * c) > step) continue;
       if (std::abs(l - r) > 0.3F * c || std::abs(u - d) > 0.3F * c) continue;
-      Eigen::Vector3f n = cross(minus(point(x, y + 1), point(x, y - 1)), minus(point(x + 1, y), point(x - 1, y)));
+      Eigen::Vector3f n = cross(point(x, y + 1) - point(x, y - 1), point(x + 1, y) - point(x - 1, y));
       const float length = norm(n);
       if (!(length > 0)) continue;
-      n = times((dot(n, point(x, y)) > 0 ? -1.0F : 1.0F) / length, n);
+      n = (dot(n, point(x, y)) > 0 ? -1.0F : 1.0F) / length * n;
       out[static_cast<std::size_t>(y) * static_cast<std::size_t>(w) + static_cast<std::size_t>(x)] = n;
     }
   }

@@ -64,7 +64,7 @@ inline void cluster_points(const Image<float>& depth, const Pinhole& camera, int
     std::size_t best = 0;
     float least = std::numeric_limits<float>::infinity();
     for (std::size_t i = 0; i < K; ++i) {
-      const float d = squared_norm(minus(p, out.centre[i]));
+      const float d = squared_norm(p - out.centre[i]);
       if (d < least) {
         least = d;
         best = i;
@@ -82,12 +82,12 @@ inline void cluster_points(const Image<float>& depth, const Pinhole& camera, int
         const Eigen::Vector3f p = point(x, y);
         const std::size_t i = nearest(p);
         if (i == PointClusters::kNone) continue;
-        sum[i] = plus(sum[i], p);
+        sum[i] += p;
         ++out.size[i];
       }
     }
     for (std::size_t i = 0; i < K; ++i) {
-      if (out.size[i] > 0) out.centre[i] = times(1.0F / static_cast<float>(out.size[i]), sum[i]);
+      if (out.size[i] > 0) out.centre[i] = 1.0F / static_cast<float>(out.size[i]) * sum[i];
     }
   }
   out.label.assign(w, h, PointClusters::kNone);

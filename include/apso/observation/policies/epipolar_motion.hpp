@@ -157,8 +157,8 @@ class EpipolarMotion : public PolicyOperators {
     const Eigen::Matrix3d R = rotation(T);
     flow_.clear();
     for (const PointPair& p : pairs_) {
-      const Eigen::Vector3d X = times(R, camera.unproject(p.past.x(), p.past.y(), 1.0));
-      if (X.z() > 0.05) flow_.push_back(norm(minus(p.current, camera.project(X))));
+      const Eigen::Vector3d X = R * camera.unproject(p.past.x(), p.past.y(), 1.0);
+      if (X.z() > 0.05) flow_.push_back(norm(p.current - camera.project(X)));
     }
     distance_.assign(pairs_.size(), -1.0);
     Eigen::Matrix3d F;
@@ -171,7 +171,7 @@ class EpipolarMotion : public PolicyOperators {
         if (!(past_depth_[i] > 0)) continue;
         const Eigen::Vector3d X =
             transform(T, camera.unproject(pairs_[i].past.x(), pairs_[i].past.y(), static_cast<double>(past_depth_[i])));
-        if (X.z() > 0.05) distance_[i] = norm(minus(pairs_[i].current, camera.project(X)));
+        if (X.z() > 0.05) distance_[i] = norm(pairs_[i].current - camera.project(X));
       }
     }
     spread();

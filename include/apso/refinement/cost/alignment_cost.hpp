@@ -24,7 +24,7 @@
 #include <apso/refinement/cost/kernel_loop.hpp>
 #include <apso/refinement/cost/normal_equations.hpp>
 #include <apso/refinement/cost/residuals.hpp>
-#include <apso/refinement/cost/scale_estimator.hpp>
+#include <apso/refinement/cost/scale/scale_estimator.hpp>
 #include <apso/refinement/cost/tile_summer.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
 
@@ -136,8 +136,8 @@ class AlignmentCost {
     s.by_both = normal_equations(T_camera_world, executor, kTrial, kSharedTiles).H;
     const double some = s.by_one.trace();
     const double factor = some > 0 ? H.trace() / some : 0.0;
-    s.by_one = times(factor, s.by_one);
-    s.by_both = times(factor, s.by_both);
+    s.by_one *= factor;
+    s.by_both *= factor;
     return s;
   }
   /// Costs alone, of every `step`-th tile.
@@ -186,8 +186,8 @@ class AlignmentCost {
         if (static_cast<std::size_t>(p.term) == k) n += p.sum.equations();
       }
       n = moved_to_left(n, compose(T_camera_world, t.T_world_reference));
-      n.H = times(t.weight, n.H);
-      n.b = times(t.weight, n.b);
+      n.H *= t.weight;
+      n.b *= t.weight;
       all += n;
     }
     return all;

@@ -13,7 +13,7 @@
 #include <apso/refinement/cost/normal_equations.hpp>
 #include <apso/refinement/cost/region_labels.hpp>
 #include <apso/refinement/cost/residuals.hpp>
-#include <apso/refinement/cost/term_scales.hpp>
+#include <apso/refinement/cost/scale/term_scales.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
 
 APSO_NAMESPACE_BEGIN

@@ -8,7 +8,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/kernels.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 
 APSO_NAMESPACE_BEGIN
 

@@ -22,7 +22,7 @@
 #include <utility>
 
 #include <apso/config.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/options.hpp>
 #include <apso/types/frame.hpp>
 

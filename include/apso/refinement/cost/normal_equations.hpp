@@ -19,8 +19,8 @@ struct NormalEquations {
   Matrix6 H = zeros<Matrix6>();
   Twist b = zeros<Twist>();
   NormalEquations& operator+=(const NormalEquations& o) {
-    H = plus(H, o.H);
-    b = plus(b, o.b);
+    H += o.H;
+    b += o.b;
     return *this;
   }
 };
@@ -85,7 +85,7 @@ inline void add(PixelSums<double>& sum, const TileSums& tile, float factor) {
 [[nodiscard]] inline NormalEquations moved_to_left(const NormalEquations& n, const Pose& T) {
   const Matrix6 A = adjoint_inverse(T);
   NormalEquations out;
-  out.H = times(transposed_times(A, n.H), A);
+  out.H = transposed_times(A, n.H) * A;
   out.b = transposed_times(A, n.b);
   return out;
 }

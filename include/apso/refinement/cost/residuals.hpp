@@ -16,7 +16,7 @@
 #include <cstdint>
 
 #include <apso/config.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/refinement/cost/illumination.hpp>
 #include <apso/refinement/cost/noise_model.hpp>

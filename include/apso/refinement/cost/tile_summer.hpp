@@ -12,12 +12,12 @@
 #include <algorithm>
 
 #include <apso/config.hpp>
-#include <apso/math/lane_functions.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lane_functions.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/refinement/cost/kernel_loop.hpp>
 #include <apso/refinement/cost/normal_equations.hpp>
 #include <apso/refinement/cost/residuals.hpp>
-#include <apso/refinement/cost/term_scales.hpp>
+#include <apso/refinement/cost/scale/term_scales.hpp>
 #include <apso/refinement/cost/warped_pixels.hpp>
 
 APSO_NAMESPACE_BEGIN

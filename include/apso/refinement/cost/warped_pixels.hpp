@@ -6,10 +6,10 @@
 #include <type_traits>
 
 #include <apso/config.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/refinement/cost/noise_model.hpp>
 #include <apso/refinement/cost/residuals.hpp>
-#include <apso/refinement/cost/term_scales.hpp>
+#include <apso/refinement/cost/scale/term_scales.hpp>
 
 APSO_NAMESPACE_BEGIN
 

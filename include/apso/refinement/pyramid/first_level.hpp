@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include <apso/config.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/refinement/pyramid/plane.hpp>
 #include <apso/refinement/pyramid/pyramid_options.hpp>
 #include <apso/traits/any.hpp>

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include <apso/config.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/plane.hpp>
 #include <apso/types/frame.hpp>

@@ -10,7 +10,7 @@
 
 #include <apso/config.hpp>
 #include <apso/executor.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/refinement/pyramid/pixel_block.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/plane.hpp>

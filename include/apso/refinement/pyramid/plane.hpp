@@ -8,7 +8,7 @@
 #include <vector>
 
 #include <apso/config.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/types/image_view.hpp>
 
 APSO_NAMESPACE_BEGIN

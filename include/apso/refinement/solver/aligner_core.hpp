@@ -214,7 +214,7 @@ class AlignerCore {
                                           compose(T, T_world_reference), kPrealignIterations);
       // the camera turns about itself
       const Pose reference_world = inverse(compose(T, T_world_reference));
-      const Eigen::Matrix3d turn = times(rotation(found), rotation(reference_world));
+      const Eigen::Matrix3d turn = rotation(found) * rotation(reference_world);
       const Pose rotated = compose(make_pose(turn, Eigen::Vector3d(0, 0, 0)), T);
       if (is_finite(rotated)) consider(normalized(rotated), static_cast<int>(candidates.size()));
     }
@@ -242,7 +242,7 @@ class AlignerCore {
       for (int i = 0; i < 6; ++i) direction(i) *= D(i);
       return significance(cost_, direction, T);
     };
-    const PoseInformation known(scaled_both(D, shared.by_one), times(times(moved, scaled_both(D, shared.by_both)), moved),
+    const PoseInformation known(scaled_both(D, shared.by_one), moved * scaled_both(D, shared.by_both) * moved,
                                 scaled_both(D, scatter(cost_, T)), significance_of);
     cost_.estimate_scales(T, 2 * AlignmentCost::kScaleSamples, 0, executor);
     cost_.report_scales(r);
@@ -267,7 +267,7 @@ class AlignerCore {
       return e;
     };
     if (r.degenerate_count > 0) {  // noise may have moved them, or the start
-      Twist back = times(known.open, scaled_to(origin.T_kept));
+      Twist back = known.open * scaled_to(origin.T_kept);
       for (int i = 0; i < 6; ++i) back(i) *= D(i);
       T = normalized(compose(se3_exp(back), T));
     }

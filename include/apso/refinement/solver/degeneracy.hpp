@@ -40,11 +40,9 @@ struct Degeneracy {
   }
 
   /// Onto the determined directions.
-  [[nodiscard]] Matrix6 keep() const { return minus(identity<Matrix6>(), projector); }
+  [[nodiscard]] Matrix6 keep() const { return identity<Matrix6>() - projector; }
   /// The normal matrix within the determined directions, and `fill` times the identity on the others, so that it stays regular.
-  [[nodiscard]] Matrix6 regular(const Matrix6& scaled, double fill) const {
-    return plus(times(times(keep(), scaled), keep()), times(fill, projector));
-  }
+  [[nodiscard]] Matrix6 regular(const Matrix6& scaled, double fill) const { return keep() * scaled * keep() + fill * projector; }
 
  private:
   static constexpr double kFloor = 50;  // eigenvalue below which a direction is undetermined, whatever the others are

@@ -63,13 +63,13 @@ class LevelSolver {
         right(i) = D(i) * n.b(i);
         trace += scaled(i, i);
       }
-      right = times(keep, right);
+      right = keep * right;
       const Matrix6 determined = open.regular(scaled, scaled(0, 0));
       bool moved = false;
       for (int reject = 0; reject <= kRejects; ++reject) {
         Matrix6 A = determined;
         for (int i = 0; i < 6; ++i) A(i, i) += 1e-12 * trace + mu * scaled(i, i);
-        Twist step = times(keep, solve_symmetric(A, right));
+        Twist step = keep * solve_symmetric(A, right);
         double largest = 0;  // of the scaled step
         for (int i = 0; i < 6; ++i) {
           largest = std::max(largest, std::abs(step(i)));

@@ -33,7 +33,7 @@ inline constexpr double kTileVarianceFactor = 3.5;
   cost.for_each_term(T_camera_world, [&](const CostTerm& t, const Pose& T_current_reference) {
     NormalEquations n;
     n.H = t.scatter(AlignmentCost::kAccepted);
-    all = plus(all, times(t.weight * t.weight, moved_to_left(n, T_current_reference).H));
+    all += t.weight * t.weight * moved_to_left(n, T_current_reference).H;
   });
   return all;
 }
@@ -43,7 +43,7 @@ inline constexpr double kTileVarianceFactor = 3.5;
   double sum = 0;
   double squares = 0;
   cost.for_each_term(T_camera_world, [&](const CostTerm& t, const Pose& T_current_reference) {
-    t.add_information_about(times(adjoint_inverse(T_current_reference), direction), AlignmentCost::kTrial, AlignmentCost::kSharedTiles, sum,
+    t.add_information_about(adjoint_inverse(T_current_reference) * direction, AlignmentCost::kTrial, AlignmentCost::kSharedTiles, sum,
                             squares);
   });
   return squares > 0 ? sum / std::sqrt(squares) : 0.0;

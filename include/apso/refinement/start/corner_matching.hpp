@@ -11,7 +11,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/refinement/pyramid/plane.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
 

@@ -12,7 +12,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/math/linear_congruential.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
@@ -77,9 +77,9 @@ class CornerSearch {
     for (const Eigen::Matrix3d& R : R_current_reference) {
       const auto first = static_cast<std::ptrdiff_t>(T_current_reference.size());
       for (const CornerMatch& m : matches_) {
-        const Eigen::Vector3d t = minus(as_double(m.q), times(R, as_double(m.p)));
-        const auto near = [&](const Pose& T) { return squared_norm(minus(t, translation(T))) < min_distance * min_distance; };
-        if (squared_norm(minus(t, centre)) > radius * radius ||
+        const Eigen::Vector3d t = as_double(m.q) - R * as_double(m.p);
+        const auto near = [&](const Pose& T) { return squared_norm(t - translation(T)) < min_distance * min_distance; };
+        if (squared_norm(t - centre) > radius * radius ||
             std::any_of(T_current_reference.begin() + first, T_current_reference.end(), near)) {
           continue;
         }
@@ -162,9 +162,9 @@ class CornerSearch {
   }
 
   static bool preserves_distance(const CornerMatch& a, const CornerMatch& b) {
-    const float length = norm(minus(a.p, b.p));
+    const float length = norm(a.p - b.p);
     const float tolerance = 2 * (depth_tolerance(a.q.z()) + depth_tolerance(b.q.z()));
-    return length > 0.15F && std::abs(length - norm(minus(a.q, b.q))) < tolerance;
+    return length > 0.15F && std::abs(length - norm(a.q - b.q)) < tolerance;
   }
 
   // For each match, those it preserves its distance to.
@@ -219,12 +219,12 @@ class CornerSearch {
   // Orthonormal axes in the columns: along a b, across it towards c, and perpendicular to both.
   [[nodiscard]] static bool orthonormal_axes(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c,
                                              Eigen::Matrix3d& out) {
-    Eigen::Vector3f x = minus(b, a);
-    x = times(1.0F / norm(x), x);
-    Eigen::Vector3f z = cross(x, minus(c, a));
+    Eigen::Vector3f x = b - a;
+    x *= 1.0F / norm(x);
+    Eigen::Vector3f z = cross(x, c - a);
     const float area = norm(z);
     if (!(area > 0.05F)) return false;  // nearly on one line
-    z = times(1.0F / area, z);
+    z *= 1.0F / area;
     const Eigen::Vector3f y = cross(z, x);
     for (int i = 0; i < 3; ++i) {
       out(i, 0) = static_cast<double>(x(i));

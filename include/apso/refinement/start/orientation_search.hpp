@@ -45,7 +45,7 @@ class OrientationSearch {
         for (int z = -kSteps; z <= kSteps; ++z) {
           const Eigen::Vector3d turn(x * kStep, y * kStep, z * kStep);
           if (norm(turn) > kMaxAngle) continue;
-          const Eigen::Matrix3d R = times(rotation(so3_exp(turn)), centre);
+          const Eigen::Matrix3d R = rotation(so3_exp(turn)) * centre;
           candidates_.push_back({R, score(R)});
         }
       }
@@ -110,7 +110,7 @@ class OrientationSearch {
         const float w = z + (static_cast<float>(x) - static_cast<float>(level.camera.cx)) * du +
                         (static_cast<float>(y) - static_cast<float>(level.camera.cy)) * dv;
         const Eigen::Vector3f n(static_cast<float>(level.camera.fx) * du, static_cast<float>(level.camera.fy) * dv, -w);
-        out.push_back(times(1.0F / norm(n), n));
+        out.push_back(1.0F / norm(n) * n);
       }
     }
   }
@@ -207,7 +207,7 @@ class OrientationSearch {
       }
     }
     const Eigen::Vector3d step = solve_symmetric(H, b);
-    if (all_finite(step)) R = times(rotation(so3_exp(step)), R);
+    if (all_finite(step)) R = rotation(so3_exp(step)) * R;
   }
 
   std::vector<Eigen::Vector3f> normals_;

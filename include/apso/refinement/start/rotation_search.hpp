@@ -58,8 +58,8 @@ class RotationSearch {
       const Eigen::Vector3d step = solve_symmetric(H, b);
       if (!all_finite(step)) break;
       const double length = norm(step);
-      const Eigen::Matrix3d turn = rotation(so3_exp(times(length > 0.2 ? 0.2 / length : 1.0, step)));
-      T = normalized(make_pose(times(turn, rotation(T)), translation(T)));
+      const Eigen::Matrix3d turn = rotation(so3_exp((length > 0.2 ? 0.2 / length : 1.0) * step));
+      T = normalized(make_pose(turn * rotation(T), translation(T)));
       if (length < 1e-3) break;  // a fiftieth of a pixel of an image 20 wide
     }
     return best;

@@ -71,7 +71,7 @@ class MovingBodies {
     double least = kReach * kReach;
     bool moving = false;
     for (std::size_t k = 0; k < count_; ++k) {
-      const double d = squared_norm(minus(point, clusters_[k].centre));
+      const double d = squared_norm(point - clusters_[k].centre);
       if (!(d < least)) continue;
       least = d;
       moving = clusters_[k].moving;
@@ -110,7 +110,7 @@ class MovingBodies {
     for (std::size_t k = 0; k < count_; ++k) {
       clusters_[k].centre = observations[farthest].point;
       for (std::size_t i = 0; i < n; ++i) {
-        distance_[i] = std::min(distance_[i], squared_norm(minus(observations[i].point, clusters_[k].centre)));
+        distance_[i] = std::min(distance_[i], squared_norm(observations[i].point - clusters_[k].centre));
       }
       farthest = static_cast<std::size_t>(std::max_element(distance_.begin(), distance_.end()) - distance_.begin());
     }
@@ -121,8 +121,8 @@ class MovingBodies {
         Cluster& c = clusters_[k];
         if (c.points.empty()) continue;
         Eigen::Vector3d sum = zeros<Eigen::Vector3d>();
-        for (const PointObservation& o : c.points) sum = plus(sum, o.point);
-        c.centre = times(1.0 / static_cast<double>(c.points.size()), sum);
+        for (const PointObservation& o : c.points) sum += o.point;
+        c.centre = 1.0 / static_cast<double>(c.points.size()) * sum;
       }
     }
   }
@@ -130,7 +130,7 @@ class MovingBodies {
     std::size_t best = 0;
     double least = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < count_; ++k) {
-      const double d = squared_norm(minus(point, clusters_[k].centre));
+      const double d = squared_norm(point - clusters_[k].centre);
       if (!(d < least)) continue;
       least = d;
       best = k;

@@ -72,17 +72,17 @@ inline double ransac_score(const Pinhole& camera, const std::vector<PointObserva
 
 /// Whether the sides of two triangles agree, and they are no needles.
 inline bool same_triangle(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b) {
-  const Eigen::Vector3d a1 = minus(a[1], a[0]);
-  const Eigen::Vector3d a2 = minus(a[2], a[0]);
-  const Eigen::Vector3d b1 = minus(b[1], b[0]);
-  const Eigen::Vector3d b2 = minus(b[2], b[0]);
+  const Eigen::Vector3d a1 = a[1] - a[0];
+  const Eigen::Vector3d a2 = a[2] - a[0];
+  const Eigen::Vector3d b1 = b[1] - b[0];
+  const Eigen::Vector3d b2 = b[2] - b[0];
   if (norm(cross(a1, a2)) < 1e-3) return false;
   const auto differs = [](const Eigen::Vector3d& u, const Eigen::Vector3d& v) {
     const double s = norm(u);
     const double t = norm(v);
     return std::abs(s - t) > 0.05 + 0.1 * std::max(s, t);
   };
-  return !differs(a1, b1) && !differs(a2, b2) && !differs(minus(a1, a2), minus(b1, b2));
+  return !differs(a1, b1) && !differs(a2, b2) && !differs(a1 - a2, b1 - b2);
 }
 }  // namespace detail
 

@@ -263,7 +263,7 @@ inline AdjustmentResult adjust_window(const Pinhole& camera, AdjustmentProblem& 
     new_points = points;
     for (std::size_t i = 0; i < points.size(); ++i) {
       const Eigen::Vector3d d = equations.point_step(i);
-      if (all_finite(d)) new_points[i] = plus(points[i], d);
+      if (all_finite(d)) new_points[i] = points[i] + d;
     }
     const double new_cost = detail::adjustment_cost(camera, problem, new_poses, new_points);
     ++result.iterations;

@@ -4,7 +4,7 @@
 #pragma once
 
 #include <apso/config.hpp>
-#include <apso/math/lanes.hpp>
+#include <apso/math/lanes/lanes.hpp>
 
 APSO_NAMESPACE_BEGIN
 

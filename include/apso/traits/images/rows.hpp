@@ -21,8 +21,8 @@
 #include <vector>
 
 #include <apso/config.hpp>
-#include <apso/traits/byte_image.hpp>
 #include <apso/traits/image.hpp>
+#include <apso/traits/images/byte_image.hpp>
 #include <apso/types/image_view.hpp>
 
 APSO_NAMESPACE_BEGIN

@@ -21,7 +21,7 @@
 #include <apso/config.hpp>
 #include <apso/traits/camera.hpp>
 #include <apso/traits/image.hpp>
-#include <apso/traits/rows.hpp>
+#include <apso/traits/images/rows.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
 

@@ -12,7 +12,7 @@
 #include <apso/refinement/alignment_options.hpp>
 #include <apso/refinement/cost/cost_term.hpp>
 #include <apso/refinement/cost/illumination.hpp>
-#include <apso/refinement/cost/residual_samples.hpp>
+#include <apso/refinement/cost/scale/residual_samples.hpp>
 #include <apso/refinement/cost/warped_pixels.hpp>
 
 APSO_NAMESPACE_BEGIN

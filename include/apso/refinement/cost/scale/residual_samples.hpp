@@ -14,11 +14,11 @@
 #include <apso/config.hpp>
 #include <apso/executor.hpp>
 #include <apso/math/kernels.hpp>
-#include <apso/math/lane_functions.hpp>
+#include <apso/math/lanes/lane_functions.hpp>
 #include <apso/math/robust_scale.hpp>
 #include <apso/refinement/cost/illumination.hpp>
 #include <apso/refinement/cost/kernel_loop.hpp>
-#include <apso/refinement/cost/term_scales.hpp>
+#include <apso/refinement/cost/scale/term_scales.hpp>
 #include <apso/refinement/cost/warped_pixels.hpp>
 
 APSO_NAMESPACE_BEGIN
