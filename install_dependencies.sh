@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs what apso's programs and tests need on Debian or Ubuntu. docs/dependencies.md says why each is there.
 # --with-browser: also Chromium with Selenium (some 400 MB), for the test that opens a report in it.
+# --with-analysis: also gcovr, clang-tidy and cppcheck, for scripts/coverage.sh and scripts/lint.sh.
 set -euo pipefail
 packages=(g++ cmake ninja-build libeigen3-dev libopencv-dev libcli11-dev nlohmann-json3-dev libyaml-cpp-dev gnuplot-nox
           libbenchmark-dev doctest-dev clang clang-format git pkgconf help2man python3 meson doxygen mkdocs-material
@@ -8,7 +9,8 @@ packages=(g++ cmake ninja-build libeigen3-dev libopencv-dev libcli11-dev nlohman
 case "${1:-}" in
   '') ;;
   --with-browser) packages+=(chromium chromium-driver python3-selenium) ;;
-  *) echo "usage: $0 [--with-browser]" >&2; exit 2 ;;
+  --with-analysis) packages+=(gcovr clang-tidy cppcheck) ;;
+  *) echo "usage: $0 [--with-browser|--with-analysis]" >&2; exit 2 ;;
 esac
 missing=()
 for package in "${packages[@]}"; do

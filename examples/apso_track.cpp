@@ -22,7 +22,6 @@
 #include "track/arguments.hpp"
 #include "track/command_line.hpp"
 #include "track/config.hpp"
-#include "track/degraded_source.hpp"
 #include "track/frame_ahead.hpp"
 #include "track/open_source.hpp"
 #include "track/output.hpp"
@@ -31,6 +30,7 @@
 #include "track/progress.hpp"
 #include "track/results.hpp"
 #include "track/signals.hpp"
+#include "track/spoil.hpp"
 #include "track/stamps.hpp"
 #include "track/summary.hpp"
 #include "track/video.hpp"
@@ -90,7 +90,7 @@ Run::Run(const Arguments& a, std::string command)
   if (a_.no_refinement) options_.pipeline.refine = apso::RefinedFrames::None;
 
   source_ = track::open_source(a_);
-  if (!a_.spoil.empty()) source_ = std::make_unique<track::DegradedSource>(std::move(source_), a_.spoil);
+  if (!a_.spoil.empty()) source_ = track::spoiled(std::move(source_), a_.spoil, a_.max_frames);
   total_ = a_.max_frames > 0 ? std::min(a_.max_frames, source_->size()) : source_->size();
 
   apso::opencv::MotionFiles files{a_.masks, a_.detections, a_.model, track::class_list(a_), &record_.use};
@@ -102,9 +102,6 @@ Run::Run(const Arguments& a, std::string command)
       detections_ = std::make_unique<apso::DetectionLog>(a_.detections, camera.width, camera.height, files.classes);
   }
   for (const std::string& w : source_->warnings()) std::fprintf(stderr, "warning: %s\n", w.c_str());
-  if (!a_.spoil.empty() && total_ <= track::DegradedSource::first) {
-    std::fprintf(stderr, "warning: --spoil: no frame is degraded, the first would be frame %d\n", track::DegradedSource::first);
-  }
   if (const std::string w = track::stamp_problem(source_->timestamps()); !w.empty()) {
     std::fprintf(stderr, "warning: %s: %s\n", a_.sequence.c_str(), w.c_str());
   }

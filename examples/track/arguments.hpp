@@ -16,8 +16,8 @@
 
 #include "command_line.hpp"
 #include "config.hpp"
-#include "degraded_source.hpp"
 #include "results.hpp"
+#include "spoil.hpp"
 #include "video.hpp"
 
 namespace track {
@@ -165,8 +165,10 @@ inline void declare_options(CLI::App& app, Arguments& a) {
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
   app.add_option("--max-frames", a.max_frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);
-  app.add_option("--spoil", a.spoil, "degrade two of every twenty frames, to test whether they are detected")
-      ->check(CLI::IsMember(DegradedSource::kinds()));
+  app.add_option("--spoil", a.spoil,
+                 "degrade two of every twenty frames, to test whether they are detected (the first six),\n"
+                 "or let something happen once, at frame 40")
+      ->check(CLI::IsMember(spoil_kinds()));
   app.add_option("--people", a.people, "synthetic sequences: number of walking people")->check(CLI::Range(0, 3));
   app.add_option("--seed", a.seed, "synthetic sequences: random seed of scene and noise")->capture_default_str();
   add_sensor(app, a.sensor, "synthetic sequences: noise of the depth");

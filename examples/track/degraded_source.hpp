@@ -2,7 +2,6 @@
 /// A recording of which some frames are degraded on purpose, to test whether they are detected.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <memory>
 #include <set>
@@ -41,10 +40,7 @@ class DegradedSource final : public FrameSource {
       return;
     }
     degrade(out.colour, (i / 20) % 2 == 1);
-    cv::cvtColor(out.colour, out.gray, cv::COLOR_BGR2GRAY);
-    for (int y = 0; y < out.gray.rows; ++y) {
-      for (int x = 0; x < out.gray.cols; ++x) out.intensity(x, y) = static_cast<float>(out.gray(y, x)) / 255.0F;
-    }
+    out.take_colour();
   }
 
  private:

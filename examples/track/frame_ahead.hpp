@@ -4,7 +4,9 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdio>
 #include <future>
+#include <limits>
 
 #include <apso/opencv/feature_front_end.hpp>
 #include <apso/opencv/feature_tracker.hpp>
@@ -51,7 +53,15 @@ class FrameAhead {
     source_->load(i, out.images);
     out.load_ms = watch.lap();
     out.features_ms = 0;
+    // Time only goes on: a frame that came twice, or too late, would count as motion within no time.
+    const double stamp = out.images.timestamp;
+    if (out.images.ok() && !(stamp > latest_)) {
+      char text[120];
+      std::snprintf(text, sizeof text, "its stamp, %.6f, is not later than %.6f, which a frame before has", stamp, latest_);
+      out.images.error = text;
+    }
     if (!out.images.ok()) return;
+    latest_ = stamp;
     front_end_.extract(out.images.gray, out.features);
     out.features_ms = watch.lap();
   }
@@ -61,6 +71,7 @@ class FrameAhead {
   int frames_;
   bool thread_;
   int next_ = 0;
+  double latest_ = -std::numeric_limits<double>::infinity();  // stamp of a frame that was loaded
   std::size_t current_ = 0;
   std::array<ReadyFrame, 2> frame_;
   std::future<void> ahead_;  // last: its thread ends before what it uses

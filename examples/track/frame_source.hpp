@@ -29,6 +29,13 @@ namespace track {
 struct LoadedFrame : apso::opencv::SequenceFrame {
   std::string name;                    ///< stem of the colour file, for the names of masks and pictures
   apso::Image<std::uint8_t> instance;  ///< the person at each pixel, 0 = static; empty: not known
+  /// The grey images again, of colours that were changed.
+  void take_colour() {
+    cv::cvtColor(colour, gray, cv::COLOR_BGR2GRAY);
+    for (int y = 0; y < gray.rows; ++y) {
+      for (int x = 0; x < gray.cols; ++x) intensity(x, y) = static_cast<float>(gray(y, x)) / 255.0F;
+    }
+  }
   /// Views for the library; valid as long as this frame lives.
   [[nodiscard]] apso::RgbdFrame rgbd() const {
     apso::RgbdFrame views = SequenceFrame::rgbd();

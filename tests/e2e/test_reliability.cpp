@@ -7,18 +7,25 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <iterator>
 #include <map>
+#include <numeric>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <apso/math/se3.hpp>
+#include <apso/testing/synthetic.hpp>
 
 #include "../run_program.hpp"
 
@@ -100,6 +107,115 @@ class Endless {
  private:
   pid_t pid_;
 };
+
+/// 110 frames of 320 x 240 pixels with the truth, made once; runs of apso_track in which something happens at frame 40.
+class Faulty {
+ public:
+  static constexpr int frames = 110;
+  static constexpr int first = 40;
+
+  explicit Faulty(int people) : sequence_("walking_xyz", options(people)), in_(f_.path / "rec") {
+    for (const char* folder : {"rgb", "depth", "masks"}) fs::create_directories(in_ / folder);
+    std::ofstream list(in_ / "associations.txt");
+    list.precision(9);
+    apso::testing::SyntheticFrame frame;
+    for (int i = 0; i < frames; ++i) {
+      sequence_.render(i, frame);
+      const std::string file = number(i) + ".png";
+      cv::Mat bgr;
+      cv::Mat units;
+      cv::cvtColor(cv::Mat(240, 320, CV_8UC3, frame.rgb.data()), bgr, cv::COLOR_RGB2BGR);
+      cv::Mat(240, 320, CV_32F, frame.depth.data()).convertTo(units, CV_16U, 5000);
+      cv::imwrite((in_ / "rgb" / file).string(), bgr);
+      cv::imwrite((in_ / "depth" / file).string(), units);
+      cv::imwrite((in_ / "masks" / file).string(), cv::Mat(240, 320, CV_8U, frame.instance.data()) != 0);
+      list << frame.timestamp << " rgb/" << file << ' ' << frame.timestamp << " depth/" << file << '\n';
+    }
+    const apso::Pinhole& c = sequence_.camera();
+    std::ofstream camera(in_ / "camera.yaml");
+    camera.precision(12);
+    camera << "fx: " << c.fx << "\nfy: " << c.fy << "\ncx: " << c.cx << "\ncy: " << c.cy
+           << "\nwidth: 320\nheight: 240\ndepth_scale: 5000\n";
+  }
+
+  /// What apso_track says of each frame, and how far its pose is from the truth.
+  struct Frame {
+    std::string state;
+    double error = 0;  ///< of the position [m]; -1 without a pose
+  };
+  /// \param origin of each frame as it comes: its number in the recording
+  [[nodiscard]] std::vector<Frame> track(const std::string& more, const std::vector<int>& origin) const {
+    const fs::path out = f_.path / "out";
+    const Outcome o = run(std::string(APSO_TRACK) + " " + in_.string() + " --camera " + (in_ / "camera.yaml").string() + " --quiet " +
+                              more + " --output " + out.string(),
+                          f_.path);
+    text_ = o.text;
+    CAPTURE(o.text);
+    REQUIRE(o.code == 0);
+    const Table table(out / "frames.csv");
+    REQUIRE(table.rows.size() == origin.size());
+    std::ifstream trajectory(out / "trajectory.txt");
+    std::vector<Frame> all;
+    for (std::size_t i = 0; i < origin.size(); ++i) {
+      all.push_back({table.field(i, "state"), -1});
+      if (all.back().state == "LOST") continue;
+      std::string line;
+      do {
+        REQUIRE(std::getline(trajectory, line));
+      } while (line[0] == '#');
+      std::stringstream words(line);
+      double stamp = 0;
+      Eigen::Vector3d t;
+      words >> stamp >> t.x() >> t.y() >> t.z();
+      CHECK(stamp == doctest::Approx(std::stod(table.field(i, "timestamp"))).epsilon(1e-9));
+      const apso::Pose truth = apso::inverse(sequence_.T_world_camera(0)) * sequence_.T_world_camera(origin[i]);
+      all.back().error = (truth.translation() - t).norm();
+      CHECK(std::isfinite(all.back().error));
+    }
+    return all;
+  }
+  [[nodiscard]] static std::vector<int> in_order() {
+    std::vector<int> all(frames);
+    std::iota(all.begin(), all.end(), 0);
+    return all;
+  }
+  /// What the last run printed.
+  [[nodiscard]] const std::string& text() const { return text_; }
+  [[nodiscard]] const fs::path& recording() const { return in_; }
+  [[nodiscard]] static std::string number(int i) { return std::to_string(1000 + i); }
+
+ private:
+  static apso::testing::SyntheticOptions options(int people) {
+    apso::testing::SyntheticOptions o;
+    o.width = 320;
+    o.height = 240;
+    o.frames = frames;
+    o.people = people;
+    o.seed = 104;
+    return o;
+  }
+  Folder f_;
+  apso::testing::SyntheticSequence sequence_;
+  fs::path in_;
+  mutable std::string text_;
+};
+
+/// The largest error of frames `begin` to `end`, and how many of them have no pose or are BAD.
+struct Span {
+  double error = 0;
+  int lost = 0;
+  int bad = 0;
+};
+Span span(const std::vector<Faulty::Frame>& all, int begin, int end) {
+  Span s;
+  for (int i = begin; i < end; ++i) {
+    const Faulty::Frame& f = all.at(static_cast<std::size_t>(i));
+    s.error = std::max(s.error, f.error);
+    s.lost += f.state == "LOST" ? 1 : 0;
+    s.bad += f.state == "BAD" ? 1 : 0;
+  }
+  return s;
+}
 
 std::string joined(const std::vector<std::string>& fields) {
   std::string line;
@@ -436,6 +552,158 @@ TEST_CASE("paths in the lists of a recording do not lead out of it") {
     CHECK(o.code == 1);
     CHECK(has(o.text, "expected files in this folder"));
   }
+}
+
+TEST_CASE("no file outside of the output is written, and no shell reads a name") {
+  const Recording r;
+  // names that a shell would act upon, in a folder with everything that a program may think of: home, temporary files, where it stands
+  const fs::path odd = r.path / "a b;touch x;$(touch y)`touch z`&touch v|touch w>u";
+  fs::rename(r.in, odd);
+  const fs::path out = r.path / "results; touch t";
+  for (const char* folder : {"home", "tmp", "here"}) fs::create_directories(r.path / folder);
+  const auto quoted = [](const fs::path& path) { return "'" + path.string() + "'"; };
+  const std::string start = "cd " + (r.path / "here").string() + " && HOME=" + (r.path / "home").string() +
+                            " XDG_CACHE_HOME=" + (r.path / "home").string() + " TMPDIR=" + (r.path / "tmp").string() + " ";
+  const auto others = [&] {
+    auto all = content(r.path);
+    for (auto it = all.begin(); it != all.end();) {
+      const bool output = it->first.rfind("results", 0) == 0 || it->first == "log.txt" || it->first.rfind("home/fontconfig", 0) == 0;
+      it = output ? all.erase(it) : std::next(it);
+    }
+    return all;
+  };
+  const auto before = others();
+  const std::string truth = quoted(odd / "groundtruth.txt");
+  for (const std::string& command :
+       {APSO_TRACK + (" " + quoted(odd)) + " --camera " + quoted(odd / "camera.yaml") + " --masks " + quoted(odd / "masks") +
+            " --write-masks --report --video run.avi --output " + quoted(out),
+        APSO_SYNTH + (" static_static --frames 2 --output " + quoted(r.path / "results2 `touch s`")),
+        APSO_EVAL + (" " + truth) + " " + truth + " --plot " + quoted(out / "a;touch q.svg"),
+        APSO_MOTION + (" --policies none --csv " + quoted(out / "m;touch p.csv") + " ") + quoted(odd.string() + "@tum-fr3")}) {
+    const Outcome o = run(start + command, r.path);
+    CAPTURE(command);
+    CAPTURE(o.text);
+    CHECK(o.code == 0);
+    CHECK(others() == before);
+  }
+  CHECK(fs::exists(out / "run.avi"));
+  CHECK(fs::exists(out / "report.html"));
+  CHECK(fs::file_size(out / "a;touch q.svg") > 0);
+  CHECK(fs::file_size(out / "m;touch p.csv") > 0);
+}
+
+TEST_CASE("faults of cameras, drivers and clocks") {
+  const Faulty recording(2);
+  const int first = Faulty::first;
+  const auto spoiled = [&](const std::string& kind, int frames, const std::vector<int>& origin) {
+    return recording.track("--spoil " + kind + " --max-frames " + std::to_string(frames), origin);
+  };
+  const std::vector<int> in_order = Faulty::in_order();
+  const std::vector<int> eighty(in_order.begin(), in_order.begin() + 80);
+  const auto clean = recording.track("--max-frames 80", eighty);
+  CHECK(span(clean, 0, 80).error < 0.06);
+  CHECK(span(clean, 60, 80).error < 0.02);
+
+  {
+    INFO("ten frames are dropped: the next ones are found again");
+    std::vector<int> origin = in_order;
+    origin.erase(origin.begin() + first, origin.begin() + first + 10);
+    origin.resize(80);
+    const auto all = spoiled("dropped", 80, origin);
+    CHECK(span(all, 0, 80).lost == 0);
+    CHECK(span(all, first, 50).error < 0.1);
+    CHECK(span(all, 50, 80).error < 0.02);
+  }
+  {
+    INFO("frames that come twice are skipped, and nothing else changes");
+    const auto all = spoiled("doubled", 90, eighty);
+    for (std::size_t i = 0; i < 80; ++i) {
+      CAPTURE(i);
+      CHECK(all[i].state == clean[i].state);
+      CHECK(all[i].error == doctest::Approx(clean[i].error).epsilon(1e-6).scale(0.1));
+    }
+    CHECK(has(recording.text(), "10 skipped"));
+    CHECK(has(recording.text(), "skipped frame 41: its stamp, 1.333333, is not later than 1.333333, which a frame before has"));
+  }
+  {
+    INFO("frames that come too late are skipped");
+    std::vector<int> origin = eighty;
+    for (int i = first + 8; i >= first; i -= 2) origin.erase(origin.begin() + i);
+    const auto all = spoiled("reordered", 80, origin);
+    CHECK(has(recording.text(), "5 skipped"));
+    CHECK(span(all, 0, 75).error < 0.1);
+    CHECK(span(all, 60, 75).error < 0.02);
+  }
+  {
+    INFO("a clock that is set back ends what has a pose, and every frame is named");
+    const auto all = spoiled("clock-back", 80, std::vector<int>(in_order.begin(), in_order.begin() + first));
+    CHECK(span(all, 0, first).error < 0.02);
+    CHECK(has(recording.text(), "40 of 80 frames with a pose"));
+    for (const char* frame : {"skipped frame 40: its stamp", "skipped frame 79: its stamp"}) CHECK(has(recording.text(), frame));
+  }
+  {
+    INFO("a flash of three frames: none of them is GOOD");
+    const auto all = spoiled("flash", 80, eighty);
+    const Span flash = span(all, first, first + 3);
+    CHECK(flash.lost + flash.bad == 3);
+    CHECK(flash.error < 0.05);
+    CHECK(span(all, 60, 80).error < 0.02);
+  }
+  {
+    INFO("a frozen camera for a second: the pose stays, and the camera is found again at once");
+    const auto all = spoiled("frozen", 90, std::vector<int>(in_order.begin(), in_order.begin() + 90));
+    CHECK(span(all, 0, 90).lost == 0);
+    CHECK(span(all, 72, 90).error < 0.02);
+  }
+  {
+    INFO("no depth for a second: all frames are BAD, and their poses right");
+    const auto all = spoiled("depth-lost", 90, std::vector<int>(in_order.begin(), in_order.begin() + 90));
+    const Span blind = span(all, first, first + 30);
+    CHECK(blind.bad + blind.lost == 30);
+    CHECK(blind.error < 0.06);
+    CHECK(span(all, 72, 90).error < 0.02);
+  }
+  {
+    INFO("nothing to see for two seconds: no pose, and the camera is found again");
+    const auto all = spoiled("occluded", 110, in_order);
+    CHECK(span(all, first, first + 60).lost >= 58);
+    CHECK(span(all, 102, 110).lost == 0);
+    CHECK(span(all, 102, 110).error < 0.04);
+  }
+  {
+    INFO("masks are late, or show what is static");
+    const fs::path masks = recording.recording().parent_path() / "masks";
+    for (const bool late : {true, false}) {
+      CAPTURE(late);
+      fs::remove_all(masks);
+      fs::create_directories(masks);
+      for (int i = 10; i < 80; ++i) {
+        const fs::path from = recording.recording() / "masks" / (Faulty::number(late ? i - 10 : i) + ".png");
+        const fs::path to = masks / (Faulty::number(i) + ".png");
+        if (late) {
+          fs::copy_file(from, to);
+        } else {
+          cv::imwrite(to.string(), 255 - cv::imread(from.string(), cv::IMREAD_UNCHANGED));
+        }
+      }
+      const auto all = recording.track("--max-frames 80 --masks '" + masks.string() + "'", eighty);
+      // late masks cost nothing: the motion policy finds what they miss. With all that is static masked, no pose is trusted.
+      if (late) CHECK(span(all, 0, 80).error < 0.06);
+      if (late) CHECK(span(all, 60, 80).error < 0.02);
+      if (!late) CHECK(std::none_of(all.begin(), all.end(), [](const Faulty::Frame& f) { return f.state == "GOOD"; }));
+      CHECK(has(recording.text(), "masks: 70 of 80 frames have one that fits"));
+    }
+  }
+}
+
+TEST_CASE("half of the image black for a second") {
+  const Faulty recording(0);
+  const std::vector<int> in_order = Faulty::in_order();
+  const auto all = recording.track("--spoil half-black --max-frames 90", std::vector<int>(in_order.begin(), in_order.begin() + 90));
+  const Span half = span(all, Faulty::first, Faulty::first + 30);
+  CHECK(half.bad + half.lost >= 25);
+  CHECK(half.error < 0.04);
+  CHECK(span(all, 72, 90).error < 0.02);
 }
 
 TEST_CASE("apso_motion refuses true masks and frames of another size") {

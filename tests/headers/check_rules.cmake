@@ -111,6 +111,15 @@ foreach(text IN LISTS texts)
   endforeach()
 endforeach()
 
+# No shell is called: programs are started with their arguments as they are.
+file(GLOB_RECURSE sources ${ROOT}/include/*.hpp ${ROOT}/examples/*.[ch]pp ${ROOT}/python/*.cpp)
+foreach(source IN LISTS sources)
+  file(STRINGS ${source} lines REGEX "(system|popen|execl|execlp|wordexp) *\\(|/bin/(ba)?sh")
+  foreach(line IN LISTS lines)
+    list(APPEND errors "${source}: calls a shell: ${line}")
+  endforeach()
+endforeach()
+
 if(errors)
   list(JOIN errors "\n  " errors)
   message(FATAL_ERROR "rules of the headers are broken:\n  ${errors}")

@@ -38,11 +38,14 @@ class Host {
     for (int y = 5; y < 240; y += 10) {
       for (int x = 5; x < 320; x += 10) keypoints_.push_back({static_cast<float>(x), static_cast<float>(y), response, 0, 0});
     }
-    pipeline_.observe(frame_.rgbd(), T_true * T_error);
+    RgbdFrame images = frame_.rgbd();
+    images.timestamp += clock;
+    pipeline_.observe(images, T_true * T_error);
     const Pose T_feature = T_world_feature != nullptr ? *T_world_feature : T_true * T_error;
     pipeline_.assess(keypoints_, tracks_, {T_feature, T_true * T_error, ok, information});
     return pipeline_.conclude();
   }
+  double clock = 0;  // added to the stamps [s]
   [[nodiscard]] Pose truth(int i) const { return sequence_.T_world_camera(i); }
   Pipeline& pipeline() { return pipeline_; }
 
@@ -105,6 +108,22 @@ TEST_CASE("information of a feature pose that is not finite counts as not told")
     CHECK(x.state == y.state);
     CHECK(x.T_world_camera.matrix() == y.T_world_camera.matrix());
   }
+}
+
+TEST_CASE("stamps that stand still or jump back cost no frame") {
+  Host host("static_xyz", 0, quick_start());
+  for (int i = 0; i < 12; ++i) host.step(i);
+  const auto fine = [&](int i) {
+    CAPTURE(i);
+    const FrameReport& r = host.step(i);
+    CHECK(r.state == SceneState::Good);
+    CHECK((inverse(host.truth(i)) * r.T_world_camera).translation().norm() < 0.005);
+  };
+  for (const int i : {12, 12, 12, 14, 13, 16, 15, 17}) fine(i);  // doubled, and in another order
+  host.clock = -100;
+  for (int i = 18; i < 24; ++i) fine(i);
+  host.clock = 1e6;
+  for (int i = 24; i < 30; ++i) fine(i);
 }
 
 TEST_CASE("a frame passes the states in their order") {
