@@ -70,6 +70,7 @@
 #include <apso/observation/policies/depth_refined_mask.hpp>
 #include <apso/observation/policies/epipolar_motion.hpp>
 #include <apso/observation/policies/geometric_motion.hpp>
+#include <apso/observation/policies/interaction_rule.hpp>
 #include <apso/observation/policies/mask_propagation.hpp>
 #include <apso/observation/policies/multiview_depth.hpp>
 #include <apso/observation/policies/past_comparison.hpp>

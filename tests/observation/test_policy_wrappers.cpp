@@ -8,6 +8,7 @@
 
 #include <apso/observation/combined_policy.hpp>
 #include <apso/observation/policies/depth_refined_mask.hpp>
+#include <apso/observation/policies/interaction_rule.hpp>
 #include <apso/observation/policies/mask_propagation.hpp>
 #include <apso/observation/policies/temporal_filter.hpp>
 #include <apso/observation/policy_expression.hpp>
@@ -289,6 +290,53 @@ TEST_CASE("mask-propagation: boxes go along, and what was remembered is only wha
   REQUIRE(policy.detections().size() == 1);
   CHECK(policy.detections()[0].box.x == doctest::Approx(120 + 15 * 2.6).epsilon(0.03));
   CHECK(policy.detections()[0].box.y == doctest::Approx(60).epsilon(0.03));
+}
+
+TEST_CASE("interaction: the object that a moving one touches moves with it, one behind it or apart from it does not") {
+  // a person at 2 m is marked; a chair beside it at 2.1 m, a table seen beside it at 3 m, a box elsewhere at 2 m
+  const Box person{100, 40, 60, 160}, chair{160, 120, 40, 80}, table{60, 120, 40, 80}, box{240, 120, 40, 80};
+  Image<float> depth(320, 240, 4.0F);
+  const auto fill = [&](const Box& b, float z) {
+    for (int y = static_cast<int>(b.y); y < static_cast<int>(b.y + b.height); ++y) {
+      for (int x = static_cast<int>(b.x); x < static_cast<int>(b.x + b.width); ++x) depth(x, y) = z;
+    }
+  };
+  fill(person, 2.0F);
+  fill(chair, 2.1F);
+  fill(table, 3.0F);
+  fill(box, 2.0F);
+  Told inner = told(person);
+  for (const Box& b : {person, chair, table, box}) {
+    Detection d;
+    d.box = b;
+    inner.objects.push_back(d);
+  }
+  const Pinhole camera{300, 300, 160, 120, 320, 240};
+  DynamicMask m;
+  const auto observe = [&](const Told& told_by) {
+    InteractionRule<Told> rule(told_by, camera);
+    rule.observe(RgbdFrame{0, depth, depth}, Pose::Identity(), std::vector<PointTrack>{}, m);
+  };
+  observe(inner);
+  CHECK(m.probability(130, 120) == 1.0F);
+  CHECK(m.probability(180, 160) == 1.0F);
+  CHECK(m.known(180, 160) == 1);
+  CHECK(m.probability(80, 160) == 0.0F);
+  CHECK(m.probability(260, 160) == 0.0F);
+  CHECK(m.probability(10, 10) == 0.0F);
+  // in a box without a mask, what lies behind the object stays
+  inner.objects[1].box = {160, 120, 55, 80};
+  observe(inner);
+  CHECK(m.probability(180, 160) == 1.0F);
+  CHECK(m.probability(208, 160) == 0.0F);
+  // what cannot move does not, and without a moving surface nothing does
+  inner.objects[1].movable = false;
+  observe(inner);
+  CHECK(m.probability(180, 160) == 0.0F);
+  inner.objects[1].movable = true;
+  inner.value = 0.0F;
+  observe(inner);
+  CHECK(dynamic_ratio(m) == 0.0);
 }
 
 TEST_CASE("temporal-filter: single frames are smoothed away, real changes come through") {

@@ -15,6 +15,7 @@
 #include <apso/observation/policies/depth_refined_mask.hpp>
 #include <apso/observation/policies/epipolar_motion.hpp>
 #include <apso/observation/policies/geometric_motion.hpp>
+#include <apso/observation/policies/interaction_rule.hpp>
 #include <apso/observation/policies/mask_propagation.hpp>
 #include <apso/observation/policies/multiview_depth.hpp>
 #include <apso/observation/policies/residual_motion.hpp>
@@ -72,6 +73,9 @@ template <class OptionsT>
   t.emplace_back(
       "depth-refined-mask", [&](Any inner) { return DepthRefinedMask<Any>(std::move(inner), camera, options.depth_refined_mask); },
       "cuts the masks or boxes of P to surfaces");
+  t.emplace_back(
+      "interaction", [&](Any inner) { return InteractionRule<Any>(std::move(inner), camera); },
+      "marks objects of P that what P marks touches");
   t.emplace_back(
       "mask-propagation", [&](Any inner) { return MaskPropagation<Any>(std::move(inner), camera, options.mask_propagation); },
       "asks P every n-th frame, carries its mask between");
