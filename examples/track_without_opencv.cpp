@@ -1,15 +1,13 @@
 // The whole method with Eigen alone. Two people walk through a synthetic room; its features come without a detector.
-#include <cstdio>
-
 #include <apso/testing/synthetic_features.hpp>
 #include <apso/track.hpp>
+#include <cstdio>
 
 int main() {
   const apso::testing::SyntheticSequence room("walking_xyz");
   const apso::Pinhole camera = room.camera();
   apso::testing::SyntheticFeatures found(camera);  // in place of your corner detector
   apso::testing::SyntheticFrame image;             // in place of your sensor
-  double error = 0;
   // [track]
   apso::LandmarkTracker tracker(camera);
   apso::Pipeline pipeline(camera);
@@ -25,9 +23,9 @@ int main() {
     const auto& report = pipeline.conclude();
     tracker.commit(report.T_world_camera, seen.mask.probability, report.keyframe_allowed);
     const apso::Pose truth = room.T_world_camera(0).inverse() * room.T_world_camera(i);
-    error = (report.T_world_camera.translation() - truth.translation()).norm();
+    const double error = (report.T_world_camera.translation() - truth.translation()).norm();
     std::printf("%2d: %s, %zu objects, error %.4f m\n", i, to_string(report.state), seen.objects.size(), error);
+    if (error > 0.02) return 1;
   }
   // [/track]
-  return error < 0.02 ? 0 : 1;
 }

@@ -119,6 +119,7 @@
 #include <apso/refinement/confidence.hpp>
 #include <apso/refinement/cost/alignment_cost.hpp>
 #include <apso/refinement/cost/cost_term.hpp>
+#include <apso/refinement/cost/cost_terms.hpp>
 #include <apso/refinement/cost/illumination.hpp>
 #include <apso/refinement/cost/kernel_loop.hpp>
 #include <apso/refinement/cost/noise_model.hpp>

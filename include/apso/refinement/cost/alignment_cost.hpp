@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <utility>
 #include <vector>
 
 #include <apso/config.hpp>
@@ -19,7 +18,7 @@
 #include <apso/options.hpp>
 #include <apso/refinement/alignment_options.hpp>
 #include <apso/refinement/alignment_result.hpp>
-#include <apso/refinement/cost/cost_term.hpp>
+#include <apso/refinement/cost/cost_terms.hpp>
 #include <apso/refinement/cost/illumination.hpp>
 #include <apso/refinement/cost/kernel_loop.hpp>
 #include <apso/refinement/cost/normal_equations.hpp>
@@ -33,10 +32,8 @@ APSO_NAMESPACE_BEGIN
 /// Evaluates the cost of poses T_camera_world of the current frame against all references, at the level that was entered
 /// last. Sums are kept twice, at the pose that was accepted and at one on trial. Keeps its buffers. Deterministic for any
 /// executor.
-class AlignmentCost {
+class AlignmentCost : public CostTerms {
  public:
-  enum Buffer { kAccepted = 0, kTrial = 1 };
-
   explicit AlignmentCost(const AlignmentOptions& options) : options_(options) { validate(options_, "alignment"); }
   [[nodiscard]] const AlignmentOptions& options() const { return options_; }
 
@@ -48,36 +45,19 @@ class AlignmentCost {
              bool adaptive) {
     expects(!current.empty(), "DirectAligner: the current pyramid was not built");
     expects(!current.level(0).texture.empty(), "DirectAligner: the current pyramid was prepared as reference only");
-    current_ = &current;
     given_kernel_ = kernel;
     noise_ = noise;
     adaptive_ = adaptive;
     barron_ = RobustKernel{KernelKind::Barron, options_.kernel.constant(), options_.kernel.alpha};
-    finest_ = current.finest();
-    if (terms_.size() < references.size()) terms_.resize(references.size());
-    used_ = 0;
-    for (const AlignmentReference& r : references) {
-      expects(r.pyramid != nullptr && !r.pyramid->empty(), "DirectAligner: a reference pyramid was not built");
-      const FramePyramid& p = *r.pyramid;
-      expects(p.nominal_finest() == current.nominal_finest() && p.finest() + p.size() == current.finest() + current.size() &&
-                  p.halved(p.nominal_finest()).camera.width == current.halved(p.nominal_finest()).camera.width &&
-                  p.halved(p.nominal_finest()).camera.height == current.halved(p.nominal_finest()).camera.height,
-              "DirectAligner: reference and current pyramid differ in levels or size");
-      if (!(r.weight > 0) || !std::isfinite(r.weight) || !is_finite(r.T_world_reference)) continue;
-      terms_[used_++].begin(r);
-      finest_ = std::max(finest_, p.finest());
-    }
-    return used_ > 0;
+    return take_up(references, current);
   }
 
   /// Turns to a level: all regions count as static, and the scales have to be estimated or set.
   void enter(int level) {
-    level_ = level;
     const int s = schedule(level);
     const double alpha = s > 0 ? options_.alpha_coarse : (s == 0 ? options_.alpha : std::min(options_.alpha, kAlphaFiner));
-    parts_.clear();
+    enter_terms(level);
     for (std::size_t k = 0; k < used_; ++k) {
-      terms_[k].enter(halvings(level), static_cast<int>(k), parts_);
       terms_[k].scales = TermScales{1, 1, alpha, options_.alpha_place, options_.coupling, 0};
       if (options_.coupling == ScaleCoupling::BivariateT) terms_[k].scales.alpha = 1;  // the covariance says how they compare
     }
@@ -94,31 +74,6 @@ class AlignmentCost {
       s.scale_intensity = s.scale_depth = scale;
       s.slope = 0;
     }
-  }
-
-  /// Levels that all frames have; 0 is the finest of them.
-  [[nodiscard]] int levels() const { return current_->finest() + current_->size() - finest_; }
-  /// Counted from the usual finest level, as options are: -1 for the one more of frames that are mostly masked.
-  [[nodiscard]] int schedule(int level) const { return halvings(level) - current_->nominal_finest(); }
-  /// All frames have that one.
-  [[nodiscard]] bool mostly_masked() const { return schedule(0) < 0; }
-  /// Halvings from the full size.
-  [[nodiscard]] int halvings(int level) const { return finest_ + level; }
-  [[nodiscard]] const FramePyramid& current() const { return *current_; }
-  [[nodiscard]] const PyramidLevel& current(int level) const { return current_->halved(halvings(level)); }
-  [[nodiscard]] const FramePyramid& first_reference() const { return *terms_.front().pyramid; }
-  [[nodiscard]] const Pose& first_T_world_reference() const { return terms_.front().T_world_reference; }
-
-  /// Mean over the references of the median depth of their pixels [m].
-  [[nodiscard]] double typical_depth() const {
-    double sum = 0;
-    double weight = 0;
-    for (std::size_t k = 0; k < used_; ++k) {
-      const PyramidLevel& l = *terms_[k].level;
-      sum += static_cast<double>(l.median_depth) * l.pixels.count;
-      weight += l.pixels.count;
-    }
-    return weight > 0 && sum > 0 ? sum / weight : 1.0;
   }
 
   /// One pass over all pixels: the sums that costs and equations are made of.
@@ -143,27 +98,6 @@ class AlignmentCost {
   /// Costs alone, of every `step`-th tile.
   void sum_cost(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor, int step = 1) {
     pass(T_camera_world, buffer, executor, step, false);
-  }
-  /// What was on trial is accepted.
-  void accept_trial() {
-    for (std::size_t k = 0; k < used_; ++k) {
-      CostTerm& t = terms_[k];
-      std::swap(t.sums[kAccepted], t.sums[kTrial]);
-      std::swap(t.counts[kAccepted], t.counts[kTrial]);
-    }
-  }
-
-  [[nodiscard]] WarpCounts counts() const {
-    WarpCounts c;
-    for (std::size_t k = 0; k < used_; ++k) c += terms_[k].counts[kAccepted];
-    return c;
-  }
-  /// Mean robust cost of every `step`-th tile, by the labels; infinite if nothing is seen.
-  [[nodiscard]] double mean(Buffer buffer, std::size_t step = 1) const {
-    double cost = 0;
-    double weight = 0;
-    for (std::size_t k = 0; k < used_; ++k) terms_[k].add_cost(buffer, step, cost, weight);
-    return weight > 0 ? cost / weight : std::numeric_limits<double>::infinity();
   }
   /// Of the sums of every `step`-th tile, for an increment of T_camera_world from the left.
   [[nodiscard]] NormalEquations normal_equations(const Pose& T_camera_world, const ExecutorRef& executor, Buffer buffer = kAccepted,
@@ -193,12 +127,6 @@ class AlignmentCost {
     return all;
   }
 
-  /// Calls f(term, T_current_reference) for each reference.
-  template <class F>
-  void for_each_term(const Pose& T_camera_world, const F& f) const {
-    for (std::size_t k = 0; k < used_; ++k) f(terms_[k], compose(T_camera_world, terms_[k].T_world_reference));
-  }
-
   /// Labels of the regions from the accepted sums.
   void update_labels() {
     if (!options_.regions) return;
@@ -207,14 +135,6 @@ class AlignmentCost {
       t.labels.update(t.sums[kAccepted], t.level->pixels.tiles, t.scales.charge(kernel_), t.scales.both());
     }
   }
-  /// Share of the area whose label says that it moves.
-  [[nodiscard]] double moving_share() const {
-    double moving = 0;
-    double all = 0;
-    for (std::size_t k = 0; k < used_; ++k) terms_[k].add_moving(kAccepted, moving, all);
-    return all > 0 ? moving / all : 0.0;
-  }
-
   /// Robust scales, and brightness, from about `most` pixels of each reference. They are kept unless one of them differs
   /// by more than `tolerated`, since costs can be compared only at the same scales.
   /// \return whether they were changed
@@ -230,23 +150,8 @@ class AlignmentCost {
     if (adaptive_ && changed) barron_.alpha = scale_estimator_.adaptive_alpha(barron_.k);
     return changed;
   }
-  /// Scales as geometric mean over the references, weighted by B_k N_k; brightness; smallest correlation.
   void report_scales(AlignmentResult& r) const {
-    double weight = 0;
-    double i = 0;
-    double d = 0;
-    r.correlation = 1;
-    for (std::size_t k = 0; k < used_; ++k) {
-      const CostTerm& t = terms_[k];
-      const double w = t.weight * t.counts[kAccepted].valid;
-      weight += w;
-      i += w * std::log(t.scales.scale_intensity);
-      d += w * std::log(t.scales.scale_depth);
-      r.correlation = std::min(r.correlation, t.correlation);
-    }
-    r.scale_intensity = weight > 0 ? std::exp(i / weight) : 0.0;
-    r.scale_depth = weight > 0 ? std::exp(d / weight) : 0.0;
-    r.illumination = terms_.front().light;
+    CostTerms::report_scales(r);
     r.kernel_alpha = adaptive_ ? barron_.alpha : 0.0;
   }
 
@@ -327,13 +232,7 @@ class AlignmentCost {
   }
 
   AlignmentOptions options_;
-  const FramePyramid* current_ = nullptr;
-  int level_ = 0;          // counted from finest_
-  int finest_ = 0;         // halvings of the finest level that all frames have
   float gate_factor_ = 1;  // of the level
-  std::size_t used_ = 0;   // terms of this call
-  std::vector<CostTerm> terms_;
-  std::vector<CostPart> parts_;
   ScaleEstimator scale_estimator_;
   NoiseRef noise_;
   KernelRef given_kernel_, kernel_;  // of this call, of the level
