@@ -1,7 +1,8 @@
 // The whole method with Eigen alone. Two people walk through a synthetic room; its features come without a detector.
+#include <cstdio>
+
 #include <apso/testing/synthetic_features.hpp>
 #include <apso/track.hpp>
-#include <cstdio>
 
 int main() {
   const apso::testing::SyntheticSequence room("walking_xyz");
@@ -22,8 +23,8 @@ int main() {
     pipeline.assess(found.keypoints(), found.tracks(), {pose.T_world_camera, pose.T_world_predicted, pose.ok, pose.information});
     const auto& report = pipeline.conclude();
     tracker.commit(report.T_world_camera, seen.mask.probability, report.keyframe_allowed);
-    const apso::Pose truth = room.T_world_camera(0).inverse() * room.T_world_camera(i);
-    const double error = (report.T_world_camera.translation() - truth.translation()).norm();
+    const double error =
+        (report.T_world_camera.translation() - (room.T_world_camera(0).inverse() * room.T_world_camera(i)).translation()).norm();
     std::printf("%2d: %s, %zu objects, error %.4f m\n", i, to_string(report.state), seen.objects.size(), error);
     if (error > 0.02) return 1;
   }
