@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Makes a release of the commit that is checked out: a tag, and the folder dist/ with the archive of the sources, the
-# single header, a Meson wrap and checksums. Before that: ./test.sh, set the version in include/apso/version.hpp (and where
+# single header, a Meson wrap and checksums. Before that: ./test.sh, scripts/results.sh DATA for docs/results.md, benchmarks/compare_peers.sh
+# and benchmarks/verdict with the seeds of the new version for docs/benchmarks.md, set the version in include/apso/version.hpp (and where
 # scripts/check_version.sh says), and turn the "Unreleased" section of CHANGELOG.md into "## VERSION - DATE".
 # usage: scripts/release.sh VERSION [--no-tag]
 set -euo pipefail

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -107,6 +108,22 @@ inline void band_data(const Gnuplot& g, const PlottedRun& run, double top) {
   }
 }
 
+/// The poses of an estimate as rows; a line that is drawn through them ends where frames have no pose.
+template <class Row>
+std::vector<std::vector<double>> rows_with_gaps(const PlottedRun& run, const apso::Trajectory& estimate, const Row& row) {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  std::vector<std::vector<double>> rows;
+  std::size_t frame = 0;
+  for (const apso::StampedPose& p : estimate) {
+    bool gap = false;
+    for (; frame < run.reports.size() && run.reports[frame].timestamp < p.timestamp; ++frame) gap = !rows.empty();
+    ++frame;
+    if (gap) rows.push_back({nan, nan});
+    rows.push_back(row(p));
+  }
+  return rows;
+}
+
 }  // namespace detail
 
 /// Trajectories in the plane of their largest extent, and over time.
@@ -124,9 +141,10 @@ inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun&
   const auto in_plane = [&](const apso::Pose& pose) {
     return std::vector<double>{pose.translation()[view.across], pose.translation()[view.up]};
   };
+  const auto in_the_plane = [&](const apso::StampedPose& p) { return in_plane(p.T_world_body); };
   const auto path = [&](const apso::Trajectory& t) {
     Rows r;
-    for (const auto& p : t) r.push_back(in_plane(p.T_world_body));
+    for (const auto& p : t) r.push_back(in_the_plane(p));
     return r;
   };
   Rows bad;
@@ -146,8 +164,8 @@ inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun&
   }
   g("plot " + curves);
   if (known) g.data(path(run.truth));
-  g.data(path(run.features));
-  g.data(path(run.final_poses));
+  g.data(detail::rows_with_gaps(run, run.features, in_the_plane));
+  g.data(detail::rows_with_gaps(run, run.final_poses, in_the_plane));
   g.data(bad);
   if (!run.final_poses.empty()) {
     g.data({in_plane(run.final_poses.front().T_world_body)});
@@ -155,9 +173,14 @@ inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun&
   }
   g("unset title; set autoscale; set xlabel 'time [s]'; set ylabel 'position [m]'");
   detail::time_axis(g, run);
+  const auto coordinate = [&](int k) {
+    return [&run, k](const apso::StampedPose& p) {
+      return std::vector<double>{p.timestamp - run.start(), p.T_world_body.translation()[k]};
+    };
+  };
   const auto over_time = [&](const apso::Trajectory& t, int k) {
     Rows r;
-    for (const auto& p : t) r.push_back({p.timestamp - run.start(), p.T_world_body.translation()[k]});
+    for (const auto& p : t) r.push_back(coordinate(k)(p));
     return r;
   };
   g(std::string("plot ") +
@@ -168,7 +191,7 @@ inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun&
     "y', "
     "'-' using 1:2 with lines lw 1.5 dt 4 lc rgb '#b0558a' title 'final z'");
   for (int k = 0; known && k < 3; ++k) g.data(over_time(run.truth, k));
-  for (int k = 0; k < 3; ++k) g.data(over_time(run.final_poses, k));
+  for (int k = 0; k < 3; ++k) g.data(detail::rows_with_gaps(run, run.final_poses, coordinate(k)));
   g("unset multiplot");
   g.finish();
 }
