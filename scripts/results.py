@@ -333,6 +333,9 @@ def page(results, known, spec, args, stamp):
     if seeds != [args.seeds] or repeats not in ([args.recorded], []) or done < wanted:
         out += ["The set is not complete. The same command goes on where it was stopped, and writes this page again; with the same program, "
                 "what is done stays.", ""]
+        missing = [n for names in SYNTHETIC.values() for n in names if not have([n])] + [known[s]["name"] for s in known if s not in real]
+        if missing:
+            out[-2] += " Not measured yet: " + ", ".join(missing) + "."
     out += ["Real and synthetic recordings are never in one mean. Each is run with six variants, each of which has all of the one before it "
             "up to the default:", ""]
     out += header(["variant", "what it is", "`apso_ablate --only`"])
