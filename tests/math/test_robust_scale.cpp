@@ -38,9 +38,14 @@ TEST_CASE("bivariate scale finds the correlation") {
   std::mt19937 rng(3);
   std::normal_distribution<double> g;
   std::vector<double> a(20000), b(20000);
-  for (std::size_t i = 0; i < a.size(); ++i) a[i] = g(rng), b[i] = .6 * a[i] + .8 * g(rng);
+  for (std::size_t i = 0; i < a.size(); ++i) a[i] = g(rng), b[i] = 3 * (.6 * a[i] + .8 * g(rng));
   const Eigen::Matrix2d s = bivariate_t_scale(a, b);
   CHECK(s(0, 1) / std::sqrt(s(0, 0) * s(1, 1)) == doctest::Approx(.6).epsilon(.05));
+  CHECK(std::sqrt(s(1, 1) / s(0, 0)) == doctest::Approx(3).epsilon(.05));
+  CHECK(s(1, 0) == s(0, 1));
+  // Student-t with five degrees of freedom, of Gaussian numbers: a little less than their variance
+  CHECK(s(0, 0) > 0.6);
+  CHECK(s(0, 0) < 1);
 }
 
 TEST_CASE("the median of floats is the one that sorting finds") {

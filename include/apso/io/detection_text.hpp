@@ -137,7 +137,7 @@ namespace detail {
       value["class"] += ' ' + rest;  // "class:traffic light 0.79"
       continue;
     }
-    const std::string wrong = put(key.empty() || more_of_class ? "score" : key, rest);
+    std::string wrong = put(key.empty() || more_of_class ? "score" : key, rest);
     if (!wrong.empty()) return wrong;
     if (key != "class" || more_of_class) key.clear();
   }
@@ -147,7 +147,7 @@ namespace detail {
 /// A line of such pairs. Returns what is wrong, or nothing.
 [[nodiscard]] inline std::string parse_pairs(const std::vector<std::string>& fields, const ClassList& classes, Detection& d) {
   std::map<std::string, std::string> value;
-  const std::string wrong = collect_pairs(fields, value);
+  std::string wrong = collect_pairs(fields, value);
   if (!wrong.empty()) return wrong;
   const auto get = [&](const char* name, double& out) {
     return value.count(name) != 0 && number_in(value[name], out) && std::abs(out) <= kMaxBoxCoordinate;

@@ -30,8 +30,8 @@ namespace detail {
 /// Reads the fields of one options struct from a YAML map, and knows which names exist.
 class YamlReader {
  public:
-  YamlReader(YAML::Node node, std::string file, std::string prefix)
-      : node_(std::move(node)), file_(std::move(file)), prefix_(std::move(prefix)) {
+  YamlReader(const YAML::Node& node, std::string file, std::string prefix)
+      : node_(node), file_(std::move(file)), prefix_(std::move(prefix)) {
     if (node_ && !node_.IsMap() && !node_.IsNull()) fail(node_, "'" + prefix_ + "' must be a map of name: value");
   }
 
@@ -98,7 +98,9 @@ class YamlReader {
     try {
       value = item.as<T>();
     } catch (const YAML::Exception&) {
-      const char* kind = std::is_same_v<T, bool> ? "true or false" : std::is_integral_v<T> ? "a whole number" : "a number";
+      constexpr bool truth = std::is_same_v<T, bool>;
+      constexpr bool whole = std::is_integral_v<T>;
+      const char* kind = truth ? "true or false" : whole ? "a whole number" : "a number";
       fail(item, "'" + path(name) + "' must be " + kind);
     }
   }
@@ -114,7 +116,7 @@ class YamlReader {
 
 class YamlWriter {
  public:
-  explicit YamlWriter(YAML::Node node) : node_(std::move(node)) {}
+  explicit YamlWriter(const YAML::Node& node) : node_(node) {}
   template <class T, class L, class H>
   void operator()(const char* name, const T& value, L, H) {
     node_[name] = value;

@@ -72,6 +72,7 @@ inline std::vector<std::size_t> order_in_time(const std::vector<double>& stamps,
 template <class T, class Stamp>
 void sort_by_time(std::vector<T>& rows, Stamp&& stamp, const std::string& path, std::vector<std::string>* warnings) {
   std::vector<double> stamps;
+  stamps.reserve(rows.size());
   for (const T& row : rows) stamps.push_back(stamp(row));
   std::vector<T> sorted;
   sorted.reserve(rows.size());

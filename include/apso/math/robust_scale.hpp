@@ -38,7 +38,7 @@ template <class T>
   const std::size_t whole = n - n % kLanes;
   const auto middle = static_cast<std::int32_t>(n / 2);
   // bit patterns as integers in the order of the floats; the mapping is its own inverse
-  const auto ordered = [](std::int32_t pattern) { return pattern ^ ((pattern >> 31) & 0x7FFFFFFF); };
+  const auto ordered = [](std::int32_t pattern) { return pattern < 0 ? pattern ^ 0x7FFFFFFF : pattern; };
   const auto key = [&](float v) {
     std::int32_t pattern;
     std::memcpy(&pattern, &v, sizeof v);

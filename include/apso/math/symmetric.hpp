@@ -77,7 +77,7 @@ template <int N, int Options, int Columns, int OptionsB>
       for (int i = k + 1; i < N; ++i) L[i][k] = 0;
       continue;
     }
-    double column[N];
+    double column[N] = {};
     for (int i = k + 1; i < N; ++i) {
       column[i] = L[i][k];
       L[i][k] /= d;

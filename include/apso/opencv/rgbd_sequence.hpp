@@ -182,6 +182,8 @@ class RgbdSequence {
     std::vector<FileListEntry> depth = read_file_list(depth_txt, &warnings_);
     std::vector<double> rgb_stamps;
     std::vector<double> depth_stamps;
+    rgb_stamps.reserve(rgb.size());
+    depth_stamps.reserve(depth.size());
     for (const FileListEntry& e : rgb) rgb_stamps.push_back(e.timestamp);
     for (const FileListEntry& e : depth) depth_stamps.push_back(e.timestamp);
     for (const StampMatch& m : associate_tum(rgb_stamps, depth_stamps, max_difference))

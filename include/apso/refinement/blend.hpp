@@ -105,7 +105,7 @@ namespace detail {
     }
   }
   const Twist step = solve_symmetric(A, right);
-  const Pose joined = compose(T_direct, se3_exp(step));
+  Pose joined = compose(T_direct, se3_exp(step));
   if (!is_rigid(joined)) return sclerp(T_direct, T_feature, fallback);
   if (share != nullptr && translation_norm(xi) > 0) {
     *share = std::clamp(translation_norm(step) / translation_norm(xi), 1e-12, 1 - 1e-12);

@@ -135,8 +135,9 @@ class ObjectPrediction {
       if (k < 0 || known[static_cast<std::size_t>(k)].missed > 0) continue;
       const KnownObject& object = known[static_cast<std::size_t>(k)];
       const auto step = static_cast<float>(kObjectStep);
-      const int to = grid.index((static_cast<float>(i % grid.width) + 0.5F) * step + object.dx,
-                                (static_cast<float>(i / grid.width) + 0.5F) * step + object.dy);
+      const int row = i / grid.width;
+      const int to =
+          grid.index((static_cast<float>(i % grid.width) + 0.5F) * step + object.dx, (static_cast<float>(row) + 0.5F) * step + object.dy);
       if (to < 0) continue;
       const float before = label_depth_.data()[i];
       const float now = grid.depth.data()[to];

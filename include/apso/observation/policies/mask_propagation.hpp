@@ -112,8 +112,9 @@ class MaskPropagation : public PolicyOperators {
           float n = 0;
           for (const int* i = first; i != last; ++i) {
             region_.data()[*i] = static_cast<int>(regions_.size()) + 1;
+            const int row = *i / w;
             r.x += static_cast<float>(*i % w);
-            r.y += static_cast<float>(*i / w);
+            r.y += static_cast<float>(row);
             if (depth_.data()[*i] > 0) {
               r.z += depth_.data()[*i];
               n += 1;
@@ -160,7 +161,8 @@ class MaskPropagation : public PolicyOperators {
       const Region& r = regions_[static_cast<std::size_t>(number) - 1];
       const float scale = r.z > 0 && r.z + r.dz > 0.2F ? r.z / (r.z + r.dz) : 1.0F;  // nearer looks larger
       const int x0 = static_cast<int>(std::lround(r.x + (static_cast<float>(i % w) - r.x) * scale + r.du));
-      const int y0 = static_cast<int>(std::lround(r.y + (static_cast<float>(i / w) - r.y) * scale + r.dv));
+      const int row = i / w;
+      const int y0 = static_cast<int>(std::lround(r.y + (static_cast<float>(row) - r.y) * scale + r.dv));
       const float z = look_depth_.data()[i];
       // with the neighbours of the new place, so that no gaps open when a region comes nearer
       for (int y = std::max(0, y0 - 1); y <= std::min(h - 1, y0 + 1); ++y) {

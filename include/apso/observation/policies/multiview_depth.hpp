@@ -139,7 +139,7 @@ class MultiViewDepth : public PolicyOperators {
       order_.push_back(i);
     }
     std::sort(order_.begin(), order_.end(),
-              [&](std::size_t a, std::size_t b) { return rank_[a] < rank_[b] || (rank_[a] == rank_[b] && a < b); });
+              [&](std::size_t a, std::size_t b) { return rank_[a] != rank_[b] ? rank_[a] < rank_[b] : a < b; });
     if (order_.size() > kReferences) order_.resize(kReferences);
   }
 

@@ -27,6 +27,7 @@ APSO_NAMESPACE_BEGIN
 template <class Measured>
 void adopt_change_scale(const std::vector<Measured>& measured, double Measured::*member, double& scale) {
   std::vector<double> raw;
+  raw.reserve(measured.size());
   for (const Measured& m : measured) raw.push_back(m.*member);
   const double found = calibrate_change_scale(std::move(raw));
   if (found > 0) scale = std::max(1e-4, std::round(found * 1e4) / 1e4);

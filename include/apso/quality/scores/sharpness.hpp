@@ -75,7 +75,8 @@ struct SharpnessMeasure {
     }
     ++rows;
   }
-  const double n = static_cast<double>(rows) * (nx / 8 * 8);
+  const int columns = nx / 8 * 8;
+  const double n = static_cast<double>(rows) * columns;
   const double noise = 2 * kImageNoise * kImageNoise;
   const auto ratio = [&](double f, double c) {
     const double rest = c / n - noise;

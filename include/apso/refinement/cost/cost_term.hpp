@@ -56,7 +56,7 @@ struct CostTerm {
     labels.reset(static_cast<std::size_t>(n));
     const int count = std::clamp(list.blocks() / kSmallestPart, 1, kParts);
     for (int part = 0, b = 0; part < count; ++part) {
-      CostPart p;
+      CostPart p{};
       p.term = index;
       p.begin = b;
       const int last = list.blocks() * (part + 1) / count;

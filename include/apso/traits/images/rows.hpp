@@ -96,7 +96,9 @@ template <class I>
 [[nodiscard]] auto as_intensity(I&& image) {
   check_image<std::decay_t<I>>();
   using Value = typename image_traits<std::decay_t<I>>::value_type;
-  constexpr float unit = std::is_same_v<Value, std::uint8_t> ? 1.0F / 255 : (std::is_same_v<Value, std::uint16_t> ? 1.0F / 65535 : 1.0F);
+  constexpr bool bytes = std::is_same_v<Value, std::uint8_t>;
+  constexpr bool words = std::is_same_v<Value, std::uint16_t>;
+  constexpr float unit = bytes ? 1.0F / 255 : (words ? 1.0F / 65535 : 1.0F);
   using Held = detail::held_t<I>;
   return ScaledImage<Held>{Held(std::forward<I>(image)), unit};
 }
