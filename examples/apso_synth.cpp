@@ -92,7 +92,7 @@ int main(int argc, char** argv) {
       ->check(track::not_empty());
   app.add_option("--frames", options.frames, "length at 30 Hz")->check(CLI::Range(1, 1000000))->capture_default_str();
   app.add_option("--seed", options.seed, "room, people, path and noise depend on it")->capture_default_str();
-  app.add_option("--people", options.people, "walking people, in recordings named walking_*")
+  app.add_option("--people", options.people, "walking people, in recordings named walking_* and rising_*")
       ->check(CLI::Range(0, 3))
       ->capture_default_str();
   track::add_sensor(app, options.sensor, "noise of the depth");

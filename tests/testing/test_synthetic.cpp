@@ -312,6 +312,50 @@ TEST_CASE("the mask is where the image changes when the camera's own motion is t
   CHECK(wrong == 0);
 }
 
+TEST_CASE("people of rising_* sit still for two seconds, then rise and walk") {
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    CAPTURE(seed);
+    SyntheticOptions o = small(2);
+    o.noise = o.blur = o.exposure_drift = false;
+    o.seed = seed;
+    const SyntheticSequence s("rising_static", o);
+    const double seconds_to_frames = 30;
+    const auto seated = static_cast<int>(kSittingTime * seconds_to_frames);
+    const auto standing = static_cast<int>((kSittingTime + Walker::kRising) * seconds_to_frames);
+    const auto top = [](const Image<std::uint8_t>& instance) {  // row of the highest head, as a share of the height
+      std::size_t k = 0;
+      while (k < instance.size() && instance.data()[k] == 0) ++k;
+      return static_cast<double>(k) / static_cast<double>(instance.size());
+    };
+    const auto overlap = [](const SyntheticFrame& a, const SyntheticFrame& b) {
+      double both = 0;
+      double any = 0;
+      for (std::size_t k = 0; k < a.instance.size(); ++k) {
+        const bool in_a = a.instance.data()[k] != 0;
+        const bool in_b = b.instance.data()[k] != 0;
+        both += in_a && in_b ? 1 : 0;
+        any += in_a || in_b ? 1 : 0;
+      }
+      return both / any;
+    };
+    SyntheticFrame first, f;
+    s.render(0, first);
+    CHECK(dynamic_share(first) > 0.03);
+    s.render(seated - 1, f);
+    CHECK(overlap(first, f) > 0.9);  // the camera trembles and nobody sits quite still
+    const double low = top(f.instance);
+    s.render(standing, f);
+    CHECK(top(f.instance) < low - 0.15);  // 0.42 m at less than 2.2 m are a fifth of the height of the image
+    CHECK(overlap(first, f) < 0.75);
+    double least = 1;
+    for (int i = standing; i < s.size(); i += 10) {
+      s.render(i, f);
+      least = std::min(least, overlap(first, f));
+    }
+    CHECK(least < 0.4);
+  }
+}
+
 TEST_CASE("cameras move as their names say") {
   for (const unsigned seed : {1U, 2U, 3U}) {
     CAPTURE(seed);

@@ -11,8 +11,9 @@
 /// }
 /// \endcode
 ///
-/// A name combines the people (walking: `people` of them, static: none) and the camera motion (xyz, halfsphere, rpy, static),
-/// like the recordings freiburg3_walking_* of the TUM RGB-D benchmark (Sturm et al., IROS 2012).
+/// A name combines the people (walking: `people` of them, rising: the same, who sit for two seconds first, static: none) and the
+/// camera motion (xyz, halfsphere, rpy, static), like the recordings freiburg3_walking_* of the TUM RGB-D benchmark (Sturm et al.,
+/// IROS 2012).
 /// stress_*: the path of static_xyz with intervals in which features fail, labelled by `SyntheticFrame::stress`
 /// (synthetic_stress.hpp lists the causes; stress_all has all of them in turn, one round takes 540 frames).
 /// World: x right, y down, z into the room [m]. A frame depends only on the name, the options and its number.
@@ -33,6 +34,7 @@
 #include <apso/testing/synthetic_scene.hpp>
 #include <apso/testing/synthetic_sensor.hpp>
 #include <apso/testing/synthetic_stress.hpp>
+#include <apso/testing/synthetic_walker.hpp>
 #include <apso/types/frame.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
@@ -41,6 +43,7 @@ APSO_NAMESPACE_BEGIN
 namespace testing {
 
 inline constexpr double kExposureTime = 0.012;  ///< of the synthetic camera [s]
+inline constexpr double kSittingTime = 2.0;     ///< of the people of rising_* before they rise and walk [s]
 inline constexpr double kImageNoise = 2.0;      ///< of the synthetic camera: standard deviation [grey values of 255]
 
 /// Noise of the depth.
@@ -55,7 +58,7 @@ struct SyntheticOptions {
   int frames = 300;   ///< length, at 30 Hz
   int width = 640;    ///< pixels; the camera of freiburg3 is scaled to this size
   int height = 480;   ///< pixels
-  int people = 2;     ///< walking people; only recordings named walking_* have them
+  int people = 2;     ///< walking people; only recordings named walking_* and rising_* have them
   unsigned seed = 1;  ///< room, people, path and noise all depend on it
   bool noise = true;  ///< noise of colour and depth, holes in the depth; false: exact
   DepthSensor sensor = DepthSensor::StructuredLight;
@@ -119,15 +122,16 @@ class SyntheticSequence {
   explicit SyntheticSequence(const std::string& name, const SyntheticOptions& options = {})
       : options_(checked(name, options)),
         camera_(freiburg3_camera(options.width, options.height)),
-        people_(name.compare(0, 7, "walking") == 0 ? options.people : 0),
+        people_(starts(name, "walking_") || starts(name, "rising_") ? options.people : 0),
         path_(motion_of(name), options.seed),
-        stress_(name.compare(0, 7, "stress_") == 0 ? StressPlan(name.substr(7), options.seed) : StressPlan()),
+        stress_(starts(name, "stress_") ? StressPlan(name.substr(7), options.seed) : StressPlan()),
         scene_(make_room(options.seed, stress_.active() ? StressPlan::kBlockers : people_)) {
     if (stress_.active()) {
       for (int i = 0; i < StressPlan::kBlockers; ++i) blockers_.emplace_back(i, scene_.first_cloth);
     }
     for (int i = 0; i < people_; ++i) {
-      walkers_.emplace_back(i, people_, scene_.first_cloth, options.seed, options.frames / kRate);
+      walkers_.emplace_back(i, people_, scene_.first_cloth, options.seed, options.frames / kRate,
+                            starts(name, "rising_") ? kSittingTime : 0.0);
     }
     Random rng(options.seed ^ 0x4578706FULL);
     exposure_phase_ = rng.uniform(0, 2 * kPi);
@@ -135,15 +139,16 @@ class SyntheticSequence {
 
   /// All names that the constructor accepts.
   [[nodiscard]] static std::vector<std::string> names() {
-    return {"walking_xyz",       "walking_halfsphere", "walking_rpy",   "walking_static", "static_xyz",
-            "static_halfsphere", "static_rpy",         "static_static", "stress_ceiling", "stress_roll",
-            "stress_crowd",      "stress_dark",        "stress_flash",  "stress_dropout", "stress_all"};
+    return {"walking_xyz",       "walking_halfsphere", "walking_rpy",    "walking_static", "rising_xyz",
+            "rising_halfsphere", "rising_rpy",         "rising_static",  "static_xyz",     "static_halfsphere",
+            "static_rpy",        "static_static",      "stress_ceiling", "stress_roll",    "stress_crowd",
+            "stress_dark",       "stress_flash",       "stress_dropout", "stress_all"};
   }
 
   [[nodiscard]] int size() const { return options_.frames; }
   [[nodiscard]] const Pinhole& camera() const { return camera_; }
   [[nodiscard]] const SyntheticOptions& options() const { return options_; }
-  /// Number of people in the recording: 0 except in walking_*.
+  /// Number of people in the recording: 0 except in walking_* and rising_*.
   [[nodiscard]] int people() const { return people_; }
   /// Time of frame i [s].
   [[nodiscard]] double timestamp(int i) const { return i / kRate; }
@@ -261,9 +266,10 @@ class SyntheticSequence {
     validate(options, "synthetic");
     return options;
   }
+  static bool starts(const std::string& name, const char* with) { return name.rfind(with, 0) == 0; }
   static CameraMotion motion_of(const std::string& name) {
     const std::string kind = name.substr(name.find('_') + 1);
-    if (kind == "xyz" || name.compare(0, 7, "stress_") == 0) return CameraMotion::Xyz;
+    if (kind == "xyz" || starts(name, "stress_")) return CameraMotion::Xyz;
     if (kind == "halfsphere") return CameraMotion::Halfsphere;
     if (kind == "rpy") return CameraMotion::Rpy;
     return CameraMotion::Static;

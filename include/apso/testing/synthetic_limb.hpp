@@ -10,7 +10,7 @@
 #include <apso/config.hpp>
 #include <apso/math/constants.hpp>
 #include <apso/math/se3.hpp>
-#include <apso/testing/synthetic_motion.hpp>
+#include <apso/testing/synthetic_walker.hpp>
 #include <apso/types/pinhole.hpp>
 
 APSO_NAMESPACE_BEGIN
