@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,7 +34,7 @@ class Host {
   const FrameReport& step(int i, const Pose& T_error = Pose::Identity(), bool ok = true, float response = 30,
                           const Pose* T_world_feature = nullptr, const Matrix6& information = Matrix6::Zero()) {
     sequence_.render(i, frame_);
-    const Pose T_true = sequence_.T_world_camera(i);
+    const Pose T_true = truth(i);
     keypoints_.clear();
     for (int y = 5; y < 240; y += 10) {
       for (int x = 5; x < 320; x += 10) keypoints_.push_back({static_cast<float>(x), static_cast<float>(y), response, 0, 0});
@@ -46,12 +47,16 @@ class Host {
     return pipeline_.conclude();
   }
   double clock = 0;  // added to the stamps [s]
-  [[nodiscard]] Pose truth(int i) const { return sequence_.T_world_camera(i); }
+  [[nodiscard]] Pose truth(int i) const { return T_map_ * sequence_.T_world_camera(i); }
+  [[nodiscard]] Pose truth_at(double timestamp) const { return truth(static_cast<int>(std::lround((timestamp - clock) * 30))); }
+  /// The map of the host is turned and shifted as a whole, as when maps are joined.
+  void move_map(const Pose& T) { T_map_ = T * T_map_; }
   Pipeline& pipeline() { return pipeline_; }
 
  private:
   testing::SyntheticSequence sequence_;
   testing::SyntheticFrame frame_;
+  Pose T_map_ = Pose::Identity();
   Pipeline pipeline_;
   std::vector<Keypoint> keypoints_;
   std::vector<PointTrack> tracks_;
@@ -159,6 +164,88 @@ TEST_CASE("a frame without features is BAD, makes no keyframe, and its wrong pos
   CHECK(before > 0.02);
   CHECK(direct < 0.25 * before);
   CHECK(after < before);
+}
+
+TEST_CASE("a map that is moved takes the memory along") {
+  Twist turn, off;
+  turn << 0.5, -1, 2, 0.3, -0.7, 0.2;  // as large as a loop that is closed
+  off << 0.02, -0.01, 0.01, 0.005, 0.01, -0.005;
+  for (const bool all : {true, false}) {  // the host knows all frames, or the latest only
+    CAPTURE(all);
+    Host still("walking_xyz", 2, quick_start());
+    Host moved("walking_xyz", 2, quick_start());
+    const auto pose_now = [&](double timestamp, const Pose& T) -> std::optional<Pose> {
+      if (!all && timestamp < moved.pipeline().report().timestamp) return std::nullopt;
+      return se3_exp(turn) * T;
+    };
+    for (int i = 0; i < 20; ++i) {
+      if (i == 12 || i == 15) {
+        moved.move_map(se3_exp(turn));
+        moved.pipeline().correct(pose_now);
+      }
+      const bool bad = i == 14 || i == 18;
+      const Pose T_error = bad ? se3_exp(off) : Pose::Identity();
+      const FrameReport& a = still.step(i, T_error, true, bad ? 0.0F : 30.0F);
+      const FrameReport& b = moved.step(i, T_error, true, bad ? 0.0F : 30.0F);
+      CHECK(a.state == b.state);
+      CHECK(a.refined == b.refined);
+      if (bad) CHECK(b.refined);
+      const Pose T_a = inverse(still.truth(i)) * a.T_world_camera;
+      const Pose T_b = inverse(moved.truth(i)) * b.T_world_camera;
+      CHECK((T_a.matrix() - T_b.matrix()).norm() < 1e-6);
+      const Pose D_a = inverse(still.truth(i)) * a.refinement.T_world_direct;
+      const Pose D_b = inverse(moved.truth(i)) * b.refinement.T_world_direct;
+      if (b.refined) CHECK((D_a.matrix() - D_b.matrix()).norm() < 1e-6);
+      const auto share = [](const Host& host) { return const_cast<Host&>(host).pipeline().observation().dynamic_ratio; };
+      CHECK(share(still) == doctest::Approx(share(moved)).epsilon(1e-3));
+    }
+  }
+}
+
+TEST_CASE("poses that bundle adjustment has corrected make the direct pose better") {
+  PipelineOptions o = quick_start();
+  o.refine = RefinedFrames::BadOnly;
+  Host plain("static_xyz", 0, o);
+  Host corrected("static_xyz", 0, o);
+  const auto drift = [](int i) {  // 4 mm per frame, which the back end finds out about afterwards
+    Twist d = Twist::Zero();
+    d[0] = 0.004 * (i - 12);
+    return se3_exp(d);
+  };
+  for (Host* host : {&plain, &corrected}) {
+    for (int i = 0; i < 12; ++i) host->step(i, drift(i));
+  }
+  corrected.pipeline().correct([&](double timestamp, const Pose&) -> std::optional<Pose> { return corrected.truth_at(timestamp); });
+  const auto error = [](Host& host) {
+    const FrameReport& r = host.step(12, Pose::Identity(), false, 0.0F);
+    REQUIRE(r.refined);
+    return (inverse(host.truth(12)) * r.T_world_direct).translation().norm();
+  };
+  const double without = error(plain);
+  const double with = error(corrected);
+  CHECK(without > 0.008);
+  CHECK(with < 0.004);
+}
+
+TEST_CASE("a correction that is no pose is refused, and changes nothing") {
+  Host host("static_xyz", 0, quick_start());
+  Host untouched("static_xyz", 0, quick_start());
+  host.pipeline().correct([](double, const Pose& T) -> std::optional<Pose> { return T; });  // nothing is remembered yet
+  for (int i = 0; i < 12; ++i) {
+    host.step(i);
+    untouched.step(i);
+  }
+  int asked = 0;
+  CHECK_THROWS_AS(host.pipeline().correct([&](double, const Pose& T) -> std::optional<Pose> {
+    Pose moved = T;
+    moved(0, 3) += 1;
+    if (++asked == 3) moved(0, 0) = std::numeric_limits<double>::quiet_NaN();
+    return moved;
+  }),
+                  contract_error);
+  CHECK(asked == 3);
+  CHECK(host.step(12, Pose::Identity(), true, 0.0F).T_world_camera.matrix() ==
+        untouched.step(12, Pose::Identity(), true, 0.0F).T_world_camera.matrix());
 }
 
 TEST_CASE("wrong poses before do not make the way back look too fast") {

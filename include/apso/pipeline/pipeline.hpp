@@ -16,6 +16,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -154,6 +155,15 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   template <class Executor = SerialExecutor>
   const Report& conclude(const Executor& executor = {});
 
+  /// Takes over what the back end of the host has changed since: bundle adjustment, a loop that was closed, maps that were joined.
+  /// Memory goes on in the map as it is now. Between conclude() and the next observe().
+  /// \param pose_of of a timestamp and the pose of that frame so far (PoseT): its pose now, as std::optional<PoseT>. It is asked for the
+  ///                latest frame, and for those that the refiner remembers if it has `correct` (see Refiner::correct()). A frame for
+  ///                which it returns nullopt moves along with the latest one, and so does all that is not asked for.
+  ///                Throws contract_error for a pose that is no rigid motion, with nothing changed
+  template <class PoseOf>
+  void correct(PoseOf&& pose_of);
+
   /// Forgets everything.
   void reset();
 
@@ -173,7 +183,7 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
     return detail::checked_camera(camera, options.refiner, options.refine != RefinedFrames::None);
   }
   // A pose of the host's type may have been rounded or may have drifted; apso's own is used unchanged.
-  [[nodiscard]] static Pose taken(const PoseT& T) {
+  [[nodiscard]] static Pose rigid(const PoseT& T) {
     if constexpr (std::is_same_v<PoseT, Pose>) {
       return T;
     } else {
@@ -181,6 +191,9 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
       return is_rigid(given) ? normalized(given) : given;  // to be refused, not turned into some rotation
     }
   }
+  // All that is remembered lies in a world that stays where it is; that of the host moves when correct() says so.
+  [[nodiscard]] Pose taken(const PoseT& T) const { return moved_ ? compose(T_own_world_, rigid(T)) : rigid(T); }
+  [[nodiscard]] Pose told(const Pose& T_own_camera) const { return moved_ ? compose(inverse(T_own_world_), T_own_camera) : T_own_camera; }
   template <class FrameT>
   void check_frame_size(const FrameT& frame) const;
   template <class Mask>
@@ -210,6 +223,9 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   Report report_;
   Pose T_world_previous_ = identity_pose();
   bool has_previous_ = false;
+  Pose T_own_world_ = identity_pose();
+  bool moved_ = false;  // T_own_world_ is not the identity
+  std::vector<std::optional<Pose>> corrected_;
   std::vector<PointTrack> tracks_;
   std::vector<Keypoint> keypoints_;
 };

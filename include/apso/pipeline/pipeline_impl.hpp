@@ -3,6 +3,9 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
+#include <optional>
+#include <type_traits>
 
 #include <apso/pipeline/pipeline.hpp>
 
@@ -143,14 +146,16 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     report_.refined = report_.refinement.refined;
     if (report_.refined) {
       T_world_camera = report_.refinement.T_world_camera;
-      report_.T_world_direct = from_pose<P>(report_.refinement.T_world_direct);
     }
+    report_.refinement.T_world_camera = told(report_.refinement.T_world_camera);
+    report_.refinement.T_world_direct = told(report_.refinement.T_world_direct);
+    if (report_.refined) report_.T_world_direct = from_pose<P>(report_.refinement.T_world_direct);
   }
   // Without features and without a trusted direct pose nothing was measured: the pose is a guess.
   if (!feature_ok_ && !report_.refined) report_.state = SceneState::Lost;
 
   T_world_camera = normalized(T_world_camera);
-  report_.T_world_camera = from_pose<P>(T_world_camera);
+  report_.T_world_camera = from_pose<P>(told(T_world_camera));
   // Where the features have failed, a sure direct pose may be built upon, or a tracker that has lost its map never finds a new
   // one. The paper's switch builds on GOOD frames only.
   const bool repaired =
@@ -168,6 +173,37 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
 }
 
 template <class P, class M, class A, class R>
+template <class PoseOf>
+void BasicPipeline<P, M, A, R>::correct(PoseOf&& pose_of) {
+  expects(next_ == Step::Observe, "Pipeline::correct: call conclude() for the frame first");
+  if (!has_previous_) return;
+  const auto pose_now = [&](double timestamp, const Pose& T_own_camera) -> std::optional<Pose> {
+    const std::optional<P> now = pose_of(timestamp, from_pose<P>(told(T_own_camera)));
+    if (!now) return std::nullopt;
+    const Pose T = rigid(*now);
+    expects(is_rigid(T), "Pipeline::correct: a pose is not finite or no rigid motion");
+    return T;
+  };
+  const std::optional<Pose> latest = pose_now(report_.timestamp, T_world_previous_);
+  const Pose T_own_world = latest ? compose(T_world_previous_, inverse(*latest)) : T_own_world_;
+  corrected_.clear();
+  if constexpr (detail::detected_v<detail::correct_call_t, R>) {
+    // all answers before the first change: one that is refused leaves everything as it was
+    refiner_.correct([&](double timestamp, const Pose& T) -> std::optional<Pose> {
+      corrected_.push_back(pose_now(timestamp, T));
+      return std::nullopt;
+    });
+    std::size_t next = 0;
+    refiner_.correct([&](double, const Pose&) -> std::optional<Pose> {
+      const std::optional<Pose>& now = corrected_[next++];
+      return now ? std::optional<Pose>(compose(T_own_world, *now)) : std::nullopt;
+    });
+  }
+  T_own_world_ = T_own_world;
+  moved_ = true;
+}
+
+template <class P, class M, class A, class R>
 void BasicPipeline<P, M, A, R>::reset() {
   motion_.reset();
   objects_.reset();
@@ -177,6 +213,8 @@ void BasicPipeline<P, M, A, R>::reset() {
   report_ = Report{};
   next_ = Step::Observe;
   has_previous_ = false;
+  T_own_world_ = identity_pose();
+  moved_ = false;
 }
 
 APSO_NAMESPACE_END

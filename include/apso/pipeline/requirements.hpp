@@ -2,6 +2,8 @@
 /// What BasicPipeline asks of its parts, with the sentence the compiler shows when something is missing.
 #pragma once
 
+#include <functional>
+#include <optional>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -31,6 +33,11 @@ using refine_call_t = decltype(std::declval<T&>().refine(std::declval<const type
 template <class T>
 using remember_call_t = decltype(std::declval<T&>().remember(std::declval<const RgbdFrame&>(), std::declval<ImageView<const float>>(),
                                                              std::declval<const Pose&>(), SerialExecutor(), FlowGrid()));
+
+/// What BasicPipeline::correct() asks of a remembered frame: its pose now.
+using PoseNow = std::function<std::optional<Pose>(double timestamp, const Pose& T_world_camera)>;
+template <class T>
+using correct_call_t = decltype(std::declval<T&>().correct(std::declval<const PoseNow&>()));
 
 template <class T, class = void>
 struct options_of {

@@ -145,6 +145,12 @@ class BasicRefiner {
     if (options_.memory.previous) memory_.keep_previous(pyramid_, T);
   }
 
+  /// Takes over poses of remembered frames that a back end has corrected; as ReferenceMemory::correct().
+  template <class PoseOf>
+  void correct(PoseOf&& pose_of) {
+    memory_.correct(pose_of);
+  }
+
   /// Forgets everything, as at construction.
   void reset() {
     memory_.clear();

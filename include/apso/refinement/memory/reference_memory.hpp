@@ -187,6 +187,17 @@ class ReferenceMemory {
     return false;
   }
 
+  /// The same for all frames, the one kept by keep_previous() among them.
+  /// \param pose_of of the timestamp of a frame and its pose so far: its pose now, as std::optional<Pose>; nullopt leaves it
+  template <class PoseOf>
+  void correct(PoseOf&& pose_of) {
+    const auto one = [&](Entry& e) {
+      if (const std::optional<Pose> now = pose_of(e.timestamp, e.T_world_reference)) e.T_world_reference = *now;
+    };
+    for (Entry& e : entries_) one(e);
+    if (has_previous_) one(previous_);
+  }
+
   /// The K nearest references, with their weights B_k. Ties go to the more recent one. A reference of which too little is
   /// known to be compared is not chosen. If none is near enough: the nearest up to kFarDistance, else the latest of the last
   /// kFallbackAge seconds, marked as far.
