@@ -66,6 +66,7 @@
 #include <apso/observation/objects/object_prediction.hpp>
 #include <apso/observation/objects/object_segmentation.hpp>
 #include <apso/observation/objects/object_tracker.hpp>
+#include <apso/observation/point_presence.hpp>
 #include <apso/observation/policies/cluster_residual.hpp>
 #include <apso/observation/policies/depth_refined_mask.hpp>
 #include <apso/observation/policies/epipolar_motion.hpp>

@@ -12,6 +12,7 @@
 #include <apso/observation/combined_policy.hpp>
 #include <apso/observation/motion_by_name.hpp>
 #include <apso/observation/objects/object_tracker.hpp>
+#include <apso/observation/point_presence.hpp>
 #include <apso/observation/soft_weights.hpp>
 #include <apso/traits/frame.hpp>
 #include <apso/traits/ranges.hpp>
@@ -312,6 +313,51 @@ TEST_CASE("objects: the same on foreign depth, detections and tracks") {
       CHECK(a[i].motion_probability == b[i].motion_probability);
     }
   }
+}
+
+TEST_CASE("a point of the map is present, gone or unknown, the same on foreign types") {
+  Scene then;
+  Scene now;
+  Slab slab;
+  slab.x = -0.4;
+  const Pose T_then = hand_held(0.3);
+  then.render(T_then, slab);
+  slab.x = 0.2;  // 0.6 m on: more than its width
+  const Pose T_now = hand_held(0.9);
+  now.render(T_now, slab);
+  Image<float> moves(camera().width, camera().height, 0.0F);
+  for (std::size_t i = 0; i < moves.size(); ++i) moves.data()[i] = now.truth.data()[i] != 0 ? 1.0F : 0.0F;
+  const Both both(now, 0);
+  const auto T_foreign = from_pose<foreign::DualQuaternionPose>(T_now);
+  int counts[2][3] = {};  // of points on the wall, and on the slab as it stood
+  int masked[3] = {};     // of points on the slab as it stands now, when the mask is given
+  const auto look = [&](const Eigen::Vector3d& p, const AnyImage& mask) {
+    const PointPresence seen = point_presence(p, to_pose(T_foreign), camera(), both.depth, mask);
+    CHECK(point_presence(p, T_foreign, camera(), scaled(both.raw, kUnit), mask) == seen);
+    return static_cast<std::size_t>(seen);
+  };
+  for (int y = 4; y < camera().height; y += 8) {
+    for (int x = 4; x < camera().width; x += 8) {
+      const double z = static_cast<double>(then.depth(x, y));
+      const Eigen::Vector3d p = T_then * camera().unproject(x, y, z);
+      ++counts[then.truth(x, y)][look(p, Image<float>())];
+      if (now.truth(x, y) == 0) continue;
+      const Eigen::Vector3d q = T_now * camera().unproject(x, y, static_cast<double>(now.depth(x, y)));
+      ++masked[look(q, moves)];
+      CHECK(look(q, Image<float>()) != static_cast<std::size_t>(PointPresence::Gone));
+    }
+  }
+  const auto gone = static_cast<std::size_t>(PointPresence::Gone);
+  const auto present = static_cast<std::size_t>(PointPresence::Present);
+  CHECK(counts[0][gone] == 0);
+  CHECK(counts[0][present] > 600);  // of 1200; the rest is out of sight, hidden by the slab or at an edge
+  CHECK(counts[1][gone] > 3 * (counts[1][present] + counts[1][0]));
+  CHECK(masked[0] > 100);  // what moves is no proof that the point has gone, and none that it rests
+  CHECK(masked[gone] + masked[present] == 0);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  CHECK(point_presence({0, 0, -1}, Pose::Identity(), camera(), both.depth, moves) == PointPresence::Unknown);
+  CHECK(point_presence({9, 0, 1}, Pose::Identity(), camera(), both.depth, moves) == PointPresence::Unknown);
+  CHECK(point_presence({nan, 0, 2}, Pose::Identity(), camera(), both.depth, moves) == PointPresence::Unknown);
 }
 
 }  // namespace
