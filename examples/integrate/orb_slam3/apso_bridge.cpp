@@ -1,44 +1,113 @@
 // Compiled as C++17 whatever the host is. See apso_bridge.h.
 #include "apso_bridge.h"
 
-#include <algorithm>
-#include <cmath>
+#include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <exception>
+#include <future>
+#include <optional>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
+#include <apso/observation/point_presence.hpp>
+#include <apso/observation/policies/geometric_motion.hpp>
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/traits/frame.hpp>
 
-struct ApsoBridge {
-  explicit ApsoBridge(const apso::Pinhole& c) : camera(c), pipeline(c, options()) {}
-  // GOOD frames keep the pose of ORB-SLAM3, whose map and bundle adjustment are its own.
-  static apso::PipelineOptions options() {
-    apso::PipelineOptions o;
-    o.refine = apso::RefinedFrames::BadOnly;
-    return o;
-  }
-  apso::Pinhole camera;
-  apso::Pipeline pipeline;
-  apso::Pose T_world_predicted = apso::Pose::Identity();
-  std::vector<apso::Keypoint> keypoints;
-  std::vector<apso::PointTrack> tracks;
-  std::unordered_map<long long, apso::PointTrack> seen;  // by point_id, of the last frame
-  std::int64_t next_track = 0;
-  std::string error;
+namespace {
+
+// Another motion policy goes here (docs/extend/motion_policy.md).
+using Motion = apso::GeometricMotion;
+using Pipeline = apso::BasicPipeline<apso::Pose, Motion>;
+
+class Stopwatch {
+ public:
+  [[nodiscard]] double ms() const { return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-namespace {
 apso::Pose pose(const double* m) {
   apso::Pose T = apso::Pose::Identity();
   for (int i = 0; i < 12; ++i) T.matrix()(i / 4, i % 4) = m[i];
-  return T;
+  return apso::is_rigid(T) ? apso::normalized(T) : T;
 }
 void write(const apso::Pose& T, double* m) {
   for (int i = 0; i < 12; ++i) m[i] = T.matrix()(i / 4, i % 4);
 }
+
+}  // namespace
+
+struct ApsoBridge {
+  ApsoBridge(const apso::Pinhole& c, const ApsoBridgeOptions& o)
+      : own_thread(o.own_thread != 0), camera(c), pipeline(c, pipeline_options(o)) {}
+  ~ApsoBridge() {
+    if (pending.valid()) pending.wait();
+  }
+  static apso::PipelineOptions pipeline_options(const ApsoBridgeOptions& o) {
+    apso::expects(o.refine >= APSO_REFINE_NONE && o.refine <= APSO_REFINE_EVERY, "ApsoBridgeOptions: refine is none of APSO_REFINE_*");
+    apso::PipelineOptions options;
+    options.refine = o.refine == APSO_REFINE_EVERY ? apso::RefinedFrames::Every
+                     : o.refine == APSO_REFINE_BAD ? apso::RefinedFrames::BadOnly
+                                                   : apso::RefinedFrames::None;
+    return options;
+  }
+  /// Runs beside the host, or at once.
+  template <class F>
+  void launch(F&& work) {
+    if (own_thread) {
+      pending = std::async(std::launch::async, std::forward<F>(work));
+    } else {
+      work();
+    }
+  }
+  /// What runs beside the host is done, and has not failed.
+  void join() {
+    if (pending.valid()) pending.get();
+  }
+  void list_matches(const ApsoBridgeKeypoint* list, int count);
+
+  bool own_thread;
+  apso::Pinhole camera;
+  Pipeline pipeline;
+  std::future<void> pending;
+  apso::ImageView<const float> depth;
+  apso::Image<unsigned char> mask;
+  apso::Pose T_world_predicted = apso::Pose::Identity();
+  std::vector<apso::Keypoint> keypoints;
+  std::vector<apso::PointTrack> tracks;
+  std::unordered_map<long long, apso::PointTrack> seen;  // by point_id, of the last frame
+  std::unordered_map<long long, apso::PointTrack> now;
+  std::int64_t next_track = 0;
+  ApsoBridgeTimes times{};
+  std::string error;
+};
+
+void ApsoBridge::list_matches(const ApsoBridgeKeypoint* list, int count) {
+  keypoints.clear();
+  tracks.clear();
+  now.clear();
+  for (int i = 0; i < count; ++i) {
+    const ApsoBridgeKeypoint& k = list[i];
+    keypoints.push_back({k.x, k.y, k.response, k.angle, k.octave});
+    if (k.point_id < 0) continue;
+    apso::PointTrack t{next_track, k.x, k.y, k.x, k.y, 0};  // a point seen in consecutive frames is a track
+    const auto before = seen.find(k.point_id);
+    if (before != seen.end()) {
+      t = {before->second.id, k.x, k.y, before->second.x, before->second.y, before->second.age + 1};
+    } else {
+      ++next_track;
+    }
+    if (now.emplace(k.point_id, t).second) tracks.push_back(t);
+  }
+  seen.swap(now);
+}
+
+namespace {
 // No exception may cross the line.
 template <class F>
 int guarded(ApsoBridge& b, F&& f) {
@@ -55,72 +124,115 @@ int guarded(ApsoBridge& b, F&& f) {
 
 extern "C" {
 
-ApsoBridge* apso_bridge_create(double fx, double fy, double cx, double cy, int width, int height) {
+ApsoBridge* apso_bridge_create(double fx, double fy, double cx, double cy, int width, int height, const ApsoBridgeOptions* options) {
   try {
-    return new ApsoBridge(apso::Pinhole{fx, fy, cx, cy, width, height});
+    const ApsoBridgeOptions standard{APSO_REFINE_BAD, 1};
+    return new ApsoBridge(apso::Pinhole{fx, fy, cx, cy, width, height}, options != nullptr ? *options : standard);
   } catch (const std::exception&) {
     return nullptr;
   }
 }
 void apso_bridge_destroy(ApsoBridge* b) { delete b; }
 void apso_bridge_reset(ApsoBridge* b) {
+  guarded(*b, [&] { b->join(); });
   b->pipeline.reset();
   b->seen.clear();
 }
 const char* apso_bridge_error(const ApsoBridge* b) { return b->error.c_str(); }
 
 int apso_bridge_observe(ApsoBridge* b, double timestamp, const unsigned char* grey, int grey_step, const float* depth_metres,
-                        int depth_step, const double* T_world_camera_prior) {
+                        int depth_step, const double* T_world_camera_prior, const ApsoBridgeTrack* tracks, int count,
+                        const unsigned char* mask, int mask_step) {
   return guarded(*b, [&] {
     const int w = b->camera.width;
     const int h = b->camera.height;
-    apso::expects(grey && depth_metres && T_world_camera_prior, "apso_bridge_observe: a pointer is null");
-    apso::expects(grey_step >= w && depth_step >= 4 * w && depth_step % 4 == 0, "apso_bridge_observe: a step does not fit the width");
+    apso::expects(grey && depth_metres && T_world_camera_prior && (tracks || count == 0) && count >= 0,
+                  "apso_bridge_observe: a pointer is null");
+    apso::expects(grey_step >= w && depth_step >= 4 * w && depth_step % 4 == 0 && (mask == nullptr || mask_step >= w),
+                  "apso_bridge_observe: a step does not fit the width");
+    const Stopwatch watch;
+    b->join();
+    b->depth = {depth_metres, w, h, depth_step / 4};
     b->T_world_predicted = pose(T_world_camera_prior);
-    b->pipeline.observe(apso::frame(timestamp, apso::ImageView<const unsigned char>(grey, w, h, grey_step),
-                                    apso::ImageView<const float>(depth_metres, w, h, depth_step / 4), b->camera),
-                        b->T_world_predicted);
+    b->tracks.clear();
+    for (int i = 0; i < count; ++i) {
+      const ApsoBridgeTrack& t = tracks[i];
+      b->tracks.push_back({t.id, t.x, t.y, t.previous_x, t.previous_y, t.age});
+    }
+    const auto frame = apso::frame(timestamp, apso::ImageView<const unsigned char>(grey, w, h, grey_step), b->depth, b->camera);
+    const apso::ImageView<const unsigned char> given(mask, w, h, mask_step);
+    const apso::Observation& seen =
+        b->pipeline.observe(frame, b->T_world_predicted, b->tracks, apso::none, mask != nullptr ? &given : nullptr);
+    b->mask.resize(w, h);
+    for (std::size_t i = 0; i < b->mask.size(); ++i) b->mask.data()[i] = seen.mask.probability.data()[i] > 0.5F ? 255 : 0;
+    b->times.observed = watch.ms();
   });
 }
 
-int apso_bridge_moves(const ApsoBridge* b, float x, float y) {
-  const apso::Image<float>& p = b->pipeline.observation().mask.probability;
-  if (p.empty() || !std::isfinite(x) || !std::isfinite(y)) return 0;
-  const float column = std::clamp(x, 0.0F, static_cast<float>(p.width() - 1));
-  const float line = std::clamp(y, 0.0F, static_cast<float>(p.height() - 1));
-  return p(static_cast<int>(std::lround(column)), static_cast<int>(std::lround(line))) > 0.5F ? 1 : 0;
-}
+const unsigned char* apso_bridge_mask(const ApsoBridge* b) { return b->mask.empty() ? nullptr : b->mask.data(); }
 
 int apso_bridge_conclude(ApsoBridge* b, const ApsoBridgeKeypoint* keypoints, int count, const double* T_world_camera_tracked,
                          int tracking_ok, ApsoBridgeReport* report) {
   return guarded(*b, [&] {
     apso::expects(report && (keypoints || count == 0) && count >= 0, "apso_bridge_conclude: a pointer is null");
-    b->keypoints.clear();
-    b->tracks.clear();
-    std::unordered_map<long long, apso::PointTrack> now;
-    for (int i = 0; i < count; ++i) {
-      const ApsoBridgeKeypoint& k = keypoints[i];
-      b->keypoints.push_back({k.x, k.y, k.response, k.angle, k.octave});
-      if (k.point_id < 0) continue;
-      apso::PointTrack t{b->next_track, k.x, k.y, k.x, k.y, 0};  // a point seen in consecutive frames is a track
-      const auto before = b->seen.find(k.point_id);
-      if (before != b->seen.end()) {
-        t = {before->second.id, k.x, k.y, before->second.x, before->second.y, before->second.age + 1};
-      } else {
-        ++b->next_track;
-      }
-      if (now.emplace(k.point_id, t).second) b->tracks.push_back(t);
-    }
-    b->seen.swap(now);
+    const Stopwatch watch;
+    b->join();
+    b->times.remembered = 0;
+    b->list_matches(keypoints, count);
     const apso::Pose T_world_feature = tracking_ok ? pose(T_world_camera_tracked) : b->T_world_predicted;
-    b->pipeline.assess(b->keypoints, b->tracks, {T_world_feature, b->T_world_predicted, tracking_ok != 0});
-    const apso::FrameReport& r = b->pipeline.conclude();
-    write(r.T_world_camera, report->T_world_camera);
-    report->pose_ok = tracking_ok || r.refined ? 1 : 0;
-    report->refined = r.refined ? 1 : 0;
-    report->keyframe_allowed = r.keyframe_allowed ? 1 : 0;
-    report->state = apso::to_string(r.state);
+    const apso::Assessment& a = b->pipeline.assess(b->keypoints, b->tracks, {T_world_feature, b->T_world_predicted, tracking_ok != 0});
+    const bool kept = tracking_ok && a.state != apso::SceneState::Bad && apso::is_rigid(T_world_feature) &&
+                      b->pipeline.options().refine != apso::RefinedFrames::Every;
+    if (kept && b->own_thread) {  // nothing will change the pose: the rest is to remember the frame
+      *report = {{}, 0, 1, 0, 1, apso::to_string(a.state)};
+      write(T_world_feature, report->T_world_camera);
+      b->launch([b] {
+        const Stopwatch beside;
+        b->pipeline.conclude();
+        b->times.remembered = beside.ms();
+      });
+    } else {
+      const auto& r = b->pipeline.conclude();
+      *report = {{},
+                 r.refined ? r.refinement.c_dir : 0.0,
+                 tracking_ok || r.refined ? 1 : 0,
+                 r.refined ? 1 : 0,
+                 r.keyframe_allowed ? 1 : 0,
+                 apso::to_string(r.state)};
+      write(r.T_world_camera, report->T_world_camera);
+    }
+    b->times.concluded = watch.ms();
   });
+}
+
+int apso_bridge_presence(ApsoBridge* b, const double* T_world_camera, const float* points, int count, unsigned char* presence) {
+  return guarded(*b, [&] {
+    apso::expects(T_world_camera && (count == 0 || (points && presence)) && count >= 0, "apso_bridge_presence: a pointer is null");
+    apso::expects(!b->depth.empty(), "apso_bridge_presence: call apso_bridge_observe() for the frame first");
+    const apso::Pose T = pose(T_world_camera);
+    for (int i = 0; i < count; ++i) {
+      const Eigen::Vector3d p(points[3 * i], points[3 * i + 1], points[3 * i + 2]);
+      presence[i] = static_cast<unsigned char>(apso::point_presence(p, T, b->camera, b->depth, b->mask));
+    }
+  });
+}
+
+int apso_bridge_correct(ApsoBridge* b, ApsoBridgePoseOf pose_of, void* context) {
+  return guarded(*b, [&] {
+    apso::expects(pose_of != nullptr, "apso_bridge_correct: a pointer is null");
+    b->join();
+    b->pipeline.correct([&](double timestamp, const apso::Pose& T) -> std::optional<apso::Pose> {
+      double m[12];
+      write(T, m);
+      if (pose_of(context, timestamp, m) == 0) return std::nullopt;
+      return pose(m);
+    });
+  });
+}
+
+ApsoBridgeTimes apso_bridge_times(ApsoBridge* b) {
+  guarded(*b, [&] { b->join(); });
+  return b->times;
 }
 
 }  // extern "C"

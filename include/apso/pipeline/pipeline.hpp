@@ -156,7 +156,7 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   const Report& conclude(const Executor& executor = {});
 
   /// Takes over what the back end of the host has changed since: bundle adjustment, a loop that was closed, maps that were joined.
-  /// Memory goes on in the map as it is now. Between conclude() and the next observe().
+  /// Memory goes on in the map as it is now. Before observe(): a frame that is not concluded by then is abandoned.
   /// \param pose_of of a timestamp and the pose of that frame so far (PoseT): its pose now, as std::optional<PoseT>. It is asked for the
   ///                latest frame, and for those that the refiner remembers if it has `correct` (see Refiner::correct()). A frame for
   ///                which it returns nullopt moves along with the latest one, and so does all that is not asked for.
@@ -222,6 +222,7 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   FlowGrid flow_;
   Report report_;
   Pose T_world_previous_ = identity_pose();
+  double previous_timestamp_ = 0;
   bool has_previous_ = false;
   Pose T_own_world_ = identity_pose();
   bool moved_ = false;  // T_own_world_ is not the identity

@@ -168,6 +168,7 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     refiner_.remember(work_.frame(), observation_.mask.probability, T_world_camera, executor, flow_);
   }
   T_world_previous_ = T_world_camera;
+  previous_timestamp_ = report_.timestamp;
   has_previous_ = true;
   return report_;
 }
@@ -175,7 +176,7 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
 template <class P, class M, class A, class R>
 template <class PoseOf>
 void BasicPipeline<P, M, A, R>::correct(PoseOf&& pose_of) {
-  expects(next_ == Step::Observe, "Pipeline::correct: call conclude() for the frame first");
+  next_ = Step::Observe;
   if (!has_previous_) return;
   const auto pose_now = [&](double timestamp, const Pose& T_own_camera) -> std::optional<Pose> {
     const std::optional<P> now = pose_of(timestamp, from_pose<P>(told(T_own_camera)));
@@ -184,7 +185,7 @@ void BasicPipeline<P, M, A, R>::correct(PoseOf&& pose_of) {
     expects(is_rigid(T), "Pipeline::correct: a pose is not finite or no rigid motion");
     return T;
   };
-  const std::optional<Pose> latest = pose_now(report_.timestamp, T_world_previous_);
+  const std::optional<Pose> latest = pose_now(previous_timestamp_, T_world_previous_);
   const Pose T_own_world = latest ? compose(T_world_previous_, inverse(*latest)) : T_own_world_;
   corrected_.clear();
   if constexpr (detail::detected_v<detail::correct_call_t, R>) {

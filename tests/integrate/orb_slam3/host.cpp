@@ -1,40 +1,98 @@
-// Runs the test double of ORB-SLAM3 with the integration lines in it. Compiled twice: as C++17 with apso_hook.hpp, and as
-// C++14 with apso_hook_14.hpp.
+// Runs the test double of ORB-SLAM3 with the integration lines in it. Compiled as C++14, as a fork may be.
 #include "host.h"
 
-#ifdef APSO_HOST_IS_CXX14
 static_assert(__cplusplus < 201703L, "this file has to be compiled as C++14");
-#define RUN_HOST run_host_cxx14
-#else
-#define RUN_HOST run_host_cxx17
-#endif
 
 #include "Tracking.cc"
 
-void RUN_HOST(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out) {
-  ORB_SLAM3::Tracking tracking(f, f, cx, cy, width, height);
+namespace {
+using ORB_SLAM3::Frame;
+using ORB_SLAM3::Tracking;
+
+bool consistent(Frame& f) {
+  const std::size_t n = f.mvKeysUn.size();
+  if (f.N != static_cast<int>(n) || f.mvKeys.size() != n || f.mvDepth.size() != n || f.mvuRight.size() != n || f.mvpMapPoints.size() != n ||
+      f.mvbOutlier.size() != n || f.mDescriptors.rows != f.N) {
+    return false;
+  }
+  std::vector<int> in_grid(n, 0);
+  for (int x = 0; x < FRAME_GRID_COLS; ++x) {
+    for (int y = 0; y < FRAME_GRID_ROWS; ++y) {
+      for (const std::size_t i : f.mGrid[x][y]) {
+        int cx = 0;
+        int cy = 0;
+        if (i >= n || !f.PosInGrid(f.mvKeysUn[i], cx, cy) || cx != x || cy != y) return false;
+        ++in_grid[i];
+      }
+    }
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    if (in_grid[i] != 1 || f.mvKeys[i].pt != f.mvKeysUn[i].pt) return false;
+    const int id = f.mDescriptors.at<int>(static_cast<int>(i), 0);
+    if (f.mvpMapPoints[i] && static_cast<int>(f.mvpMapPoints[i]->mnId) != id) return false;
+  }
+  return true;
+}
+int on_mask(const Frame& f, const cv::Mat& mask) {
+  int n = 0;
+  for (const cv::KeyPoint& k : f.mvKeysUn) n += mask.at<unsigned char>(cvRound(k.pt.y), cvRound(k.pt.x)) != 0 ? 1 : 0;
+  return n;
+}
+// What a back end does: the same map, elsewhere.
+void move_map(Tracking& t, float shift, Sophus::SE3f& moved) {
+  const Sophus::SE3f T(Eigen::Quaternionf::Identity(), Eigen::Vector3f(shift, 0, 0));
+  for (ORB_SLAM3::KeyFrame& k : t.mKeyFrames) k.SetPose(k.GetPose() * T.inverse());
+  for (ORB_SLAM3::MapPoint& p : t.mMap) p.mWorldPos = T * p.mWorldPos;
+  moved = T * moved;
+}
+}  // namespace
+
+int run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostPoint* points,
+             int room) {
+  Eigen::Matrix3f K = Eigen::Matrix3f::Identity();
+  K(0, 0) = K(1, 1) = f;
+  K(0, 2) = cx;
+  K(1, 2) = cy;
+  Tracking tracking(K, width, height);
+  Sophus::SE3f T_map;
+  int hidden = 0;
   for (int k = 0; k < count; ++k) {
     const PlayedFrame& p = frames[k];
+    if (p.new_map) tracking.CreateMapInAtlas();
+    if (p.map_shift != 0) move_map(tracking, p.map_shift, T_map);
     Eigen::Matrix3f R;
     Eigen::Vector3f t;
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) R(i, j) = p.pose[4 * i + j];
       t(i) = p.pose[4 * i + 3];
     }
-    tracking.mPlayedPose = Sophus::SE3f(Eigen::Quaternionf(R).normalized(), t);
+    tracking.mPlayedPose = Sophus::SE3f(Eigen::Quaternionf(R).normalized(), t) * T_map.inverse();
     tracking.mPlayedResponse = p.response;
     tracking.mbPlayedOK = p.ok != 0;
-    tracking.mpAtlas->mnBigChangeIdx = p.big_change;
+    tracking.mbPlayedRetry = p.retry != 0;
     const cv::Mat rgb(height, width, CV_8UC3, const_cast<unsigned char*>(p.rgb));
     const cv::Mat depth(height, width, CV_32F, const_cast<float*>(p.depth));
-    const Sophus::SE3f Tcw = tracking.GrabImageRGBD(rgb, depth, p.timestamp, "");
+    const Sophus::SE3f Tcw = tracking.GrabImageRGBD(rgb, depth, p.timestamp, "") * T_map;
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) out[k].pose[4 * i + j] = Tcw.rotationMatrix()(i, j);
       out[k].pose[4 * i + 3] = Tcw.translation()(i);
     }
-    out[k].keyframes = tracking.mnKeyFrames;
-    out[k].hidden = tracking.mnHidden;
-    out[k].refined = tracking.mApso.Report().refined ? 1 : 0;
-    out[k].tracking = tracking.mState == ORB_SLAM3::Tracking::OK;
+    hidden += tracking.mnBuilt - tracking.mCurrentFrame.N;
+    out[k].keyframes = static_cast<int>(tracking.mKeyFrames.size());
+    out[k].hidden = hidden;
+    out[k].consistent = consistent(tracking.mCurrentFrame) ? 1 : 0;
+    out[k].on_mask = on_mask(tracking.mCurrentFrame, tracking.mpApso->Mask());
+    out[k].refined = tracking.mpApso->Report().refined ? 1 : 0;
+    out[k].tracking = tracking.mState == Tracking::OK;
+    out[k].retries = tracking.mnRetries;
+    out[k].dropped = tracking.mpApso->Dropped();
+    out[k].observed_ms = tracking.mpApso->Times().observed;
   }
+  int n = 0;
+  for (ORB_SLAM3::MapPoint& p : tracking.mMap) {
+    if (n == room) break;
+    const Eigen::Vector3f x = T_map.inverse() * p.GetWorldPos();
+    points[n++] = {{x.x(), x.y(), x.z()}, p.isBad() ? 1 : 0};
+  }
+  return n;
 }

@@ -1,4 +1,4 @@
-// The line between the test (C++17) and a host that may be C++14: plain data.
+// The line between the test (C++17) and the host (C++14): plain data.
 #pragma once
 
 struct PlayedFrame {
@@ -8,16 +8,27 @@ struct PlayedFrame {
   float pose[12];            // T_camera_world that the feature tracker is made to find
   float response;            // of all its keypoints
   int ok;                    // it found a pose at all
-  int big_change;            // index of the last big change of the map
+  int retry;                 // it finds one when it looks near the true pose
+  float map_shift;           // before this frame, the back end moves the map along x by this [m]
+  int new_map;               // before this frame, the map begins anew
 };
 struct HostResult {
-  float pose[12];  // T_camera_world that GrabImageRGBD returned
-  int keyframes;   // so far
-  int hidden;      // keypoints hidden from matching, so far
+  float pose[12];      // T_camera_world that GrabImageRGBD returned
+  int keyframes;       // so far
+  int hidden;          // keypoints taken out of the frame, so far
+  int consistent;      // all lists of the frame have as many entries, and say the same of each keypoint
+  int on_mask;         // keypoints of the frame that lie on the mask
   int refined;
-  int tracking;  // mState is OK
+  int tracking;        // mState is OK
+  int retries;         // so far
+  int dropped;         // map points, so far
+  double observed_ms;  // time of the first stage
+};
+struct HostPoint {
+  float position[3];
+  int bad;  // the hook has taken it out of the map
 };
 
-using Host = void (*)(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out);
-void run_host_cxx17(const PlayedFrame*, int, float, float, float, int, int, HostResult*);
-void run_host_cxx14(const PlayedFrame*, int, float, float, float, int, int, HostResult*);
+// own_thread: what moves is found beside the host. points: of the map at the end, at most `room` of them; their number is returned.
+int run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostPoint* points,
+             int room);

@@ -1,0 +1,380 @@
+// apso inside the tracking thread of ORB-SLAM3 (RGB-D). docs/integrate/orb_slam3.md says where it is called. C++11; nothing of
+// apso is included here, see apso_bridge.h. Included by Tracking.cc alone.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <cstddef>
+#include <deque>
+#include <future>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include <Eigen/Geometry>
+#include <opencv2/core.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <sophus/se3.hpp>
+
+#include "apso_bridge.h"
+
+struct ApsoHookOptions {
+  int refine = APSO_REFINE_BAD;  // which frames direct alignment refines: APSO_REFINE_NONE, _BAD or _EVERY
+  bool own_thread = true;        // what moves is found beside the extraction of ORB features
+  int corners = 400;             // so many are followed for that; 0: by depth alone
+  bool drop_moved = true;        // map points that lie on something that begins to move are taken out of the map
+};
+
+class ApsoHook {
+ public:
+  // [px], of the rectified camera
+  ApsoHook(double fx, double fy, double cx, double cy, const ApsoHookOptions& options = ApsoHookOptions())
+      : fx_(fx), fy_(fy), cx_(cx), cy_(cy), options_(options), bridge_(nullptr), report_(), predicted_() {}
+  ~ApsoHook() {
+    if (observing_.valid()) observing_.wait();
+    apso_bridge_destroy(bridge_);
+  }
+  ApsoHook(const ApsoHook&) = delete;
+  ApsoHook& operator=(const ApsoHook&) = delete;
+
+  // Before the Frame is made; what moves is then found while its features are extracted. The map must not change meanwhile
+  // (hold mMutexMapUpdate).
+  // grey: 8-bit, rectified. depth: float, metres, registered to grey. mask: what the host itself knows to move, 8-bit, or empty.
+  void BeginFrame(const cv::Mat& grey, const cv::Mat& depth, double timestamp, const cv::Mat& mask = cv::Mat()) {
+    if (grey.type() != CV_8UC1 || depth.type() != CV_32FC1 || depth.size() != grey.size()) {
+      throw std::invalid_argument("ApsoHook: expected an 8-bit grey image and a float depth image of its size");
+    }
+    if (!mask.empty() && (mask.type() != CV_8UC1 || mask.size() != grey.size())) {
+      throw std::invalid_argument("ApsoHook: expected an 8-bit mask of the size of the image");
+    }
+    Create(grey.cols, grey.rows);
+    Wait();
+    previous_grey_ = grey_;
+    grey_ = grey;
+    depth_ = depth;
+    mask_ = mask;
+    timestamp_ = timestamp;
+    if (!records_.empty()) Check(apso_bridge_correct(bridge_, &ApsoHook::PoseOf, this));
+    WriteInverse(Prediction(), predicted_);
+    if (options_.own_thread) {
+      observing_ = std::async(std::launch::async, [this] { Observe(); });
+    } else {
+      Observe();
+    }
+  }
+
+  // After the Frame is made: takes the keypoints on what moves out of it, so that no matching and no map point sees them.
+  template <class Frame>
+  void HideMoving(Frame& frame) {
+    const cv::Mat mask = Mask();
+    NewCorners(frame.mvKeysUn);
+    std::vector<bool> keep(frame.mvKeysUn.size());
+    for (std::size_t i = 0; i < keep.size(); ++i) {
+      const int x = std::min(std::max(cvRound(frame.mvKeysUn[i].pt.x), 0), mask.cols - 1);
+      const int y = std::min(std::max(cvRound(frame.mvKeysUn[i].pt.y), 0), mask.rows - 1);
+      keep[i] = mask.at<unsigned char>(y, x) == 0;
+    }
+    if (std::find(keep.begin(), keep.end(), false) == keep.end()) return;
+    Select(keep, frame.mvKeys);
+    Select(keep, frame.mvKeysUn);
+    Select(keep, frame.mvDepth);
+    Select(keep, frame.mvuRight);
+    Select(keep, frame.mvpMapPoints);
+    Select(keep, frame.mvbOutlier);
+    cv::Mat descriptors(static_cast<int>(frame.mvKeysUn.size()), frame.mDescriptors.cols, frame.mDescriptors.type());
+    int row = 0;
+    for (std::size_t i = 0; i < keep.size(); ++i) {
+      if (keep[i]) frame.mDescriptors.row(static_cast<int>(i)).copyTo(descriptors.row(row++));
+    }
+    frame.mDescriptors = descriptors;
+    frame.N = row;
+    for (auto& column : frame.mGrid) {
+      for (auto& cell : column) cell.clear();
+    }
+    for (std::size_t i = 0; i < frame.mvKeysUn.size(); ++i) {
+      int x;
+      int y;
+      if (frame.PosInGrid(frame.mvKeysUn[i], x, y)) frame.mGrid[x][y].push_back(i);
+    }
+  }
+
+  // In Track(), after TrackLocalMap(): judges the frame, repairs its pose if it is BAD, and takes map points that have begun to
+  // move out of the map. Returns whether the frame has a pose to go on with.
+  // local: mvpLocalMapPoints
+  template <class Frame, class MapPoint>
+  bool AfterTracking(Frame& frame, bool ok, const std::vector<MapPoint*>& local) {
+    keypoints_.clear();
+    for (std::size_t i = 0; i < frame.mvKeysUn.size(); ++i) {
+      const cv::KeyPoint& k = frame.mvKeysUn[i];
+      const bool matched = ok && frame.mvpMapPoints[i] && !frame.mvbOutlier[i];
+      keypoints_.push_back({k.pt.x, k.pt.y, k.response, k.angle < 0 ? 0.0F : k.angle, k.octave,
+                            matched ? static_cast<long long>(frame.mvpMapPoints[i]->mnId) : -1});
+    }
+    double T[12] = {};
+    if (ok) WriteInverse(frame.GetPose(), T);
+    Check(apso_bridge_conclude(bridge_, keypoints_.data(), static_cast<int>(keypoints_.size()), T, ok ? 1 : 0, &report_));
+    if (report_.refined) frame.SetPose(ReadInverse(report_.T_world_camera));
+    repaired_ = !ok && report_.refined;
+    if (repaired_) {  // the matches that failed; the points are searched again
+      Forget(frame);
+      for (MapPoint* point : local) {
+        if (point) point->mnLastFrameSeen = std::numeric_limits<decltype(point->mnLastFrameSeen)>::max();
+      }
+    }
+    if (options_.drop_moved && ok && report_.keyframe_allowed) DropMoved(frame, local);
+    Record(frame, report_.pose_ok != 0);
+    return report_.pose_ok != 0;
+  }
+
+  // The features have failed and the direct pose has been set: time to look for the map points again, from there.
+  bool Repaired() const { return repaired_; }
+  // How many keypoints have a map point.
+  template <class Frame>
+  static int Matches(const Frame& frame) {
+    int n = 0;
+    for (const auto* point : frame.mvpMapPoints) n += point ? 1 : 0;
+    return n;
+  }
+  // After that search. ok: TrackLocalMap() has found a pose
+  template <class Frame>
+  void AfterRetry(Frame& frame, bool ok) {
+    const Sophus::SE3f T_direct = ReadInverse(report_.T_world_camera);
+    const Sophus::SE3f apart = frame.GetPose() * T_direct.inverse();
+    // an alignment and a bundle of 30 points and more that mean the same place
+    const bool agree = ok && apart.translation().norm() < 0.05F && Eigen::AngleAxisf(apart.rotationMatrix()).angle() < 0.05F;
+    if (!agree) {
+      Forget(frame);
+      frame.SetPose(T_direct);
+    }
+    report_.keyframe_allowed = agree && report_.confidence >= kSureConfidence ? 1 : 0;
+    if (!records_.empty()) records_.pop_back();
+    Record(frame, true);
+  }
+
+  // First line of NeedNewKeyFrame(): the map must not learn from a BAD frame.
+  bool KeyframeAllowed() const { return report_.keyframe_allowed != 0; }
+  // When the map begins anew. Loops, merged maps and bundle adjustment need no call: poses are followed by their keyframes.
+  void Reset() {
+    Wait();
+    if (bridge_) apso_bridge_reset(bridge_);
+    records_.clear();
+    gone_.clear();
+    report_ = ApsoBridgeReport();
+    report_.keyframe_allowed = 1;
+  }
+
+  // 255 where something moves, else 0, of the frame that was begun; valid until the next one. For a dense map, a path planner ...
+  cv::Mat Mask() {
+    Wait();
+    return cv::Mat(depth_.rows, depth_.cols, CV_8UC1, const_cast<unsigned char*>(apso_bridge_mask(bridge_)));
+  }
+  const ApsoBridgeReport& Report() const { return report_; }
+  ApsoBridgeTimes Times() { return apso_bridge_times(bridge_); }
+  double Waited() const { return waited_; }  // how long the host has waited for the mask of the frame [ms]
+  int Dropped() const { return dropped_; }   // map points so far
+
+ private:
+  static constexpr double kSureConfidence = 0.75;  // as in apso's pipeline
+  static constexpr int kGone = 3;                  // frames by which a point must have been seen gone more often than present
+  static constexpr double kRecorded = 20;          // how long the way back to the keyframe of a pose is kept [s]
+
+  // A pose as ORB-SLAM3 keeps it: relative to a keyframe, which moves with the map.
+  struct Recorded {
+    double timestamp;
+    void* reference;
+    Sophus::SE3f (*pose)(const Recorded&, bool*);
+    Sophus::SE3f T_camera_reference;
+  };
+
+  void Observe() {
+    FollowCorners();
+    Check(apso_bridge_observe(bridge_, timestamp_, grey_.data, static_cast<int>(grey_.step), depth_.ptr<float>(),
+                              static_cast<int>(depth_.step), predicted_, tracks_.data(), static_cast<int>(tracks_.size()), mask_.data,
+                              static_cast<int>(mask_.step)));
+  }
+  void Wait() {
+    if (!observing_.valid()) return;
+    const auto start = std::chrono::steady_clock::now();
+    observing_.get();
+    waited_ = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  }
+  // Corners from frame to frame, by Lucas and Kanade.
+  void FollowCorners() {
+    if (corners_.empty() || previous_grey_.size() != grey_.size()) {
+      corners_.clear();
+      tracks_.clear();
+      return;
+    }
+    cv::calcOpticalFlowPyrLK(previous_grey_, grey_, corners_, followed_, found_, error_, cv::Size(15, 15), 3);
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < corners_.size(); ++i) {
+      const cv::Point2f& p = followed_[i];
+      if (!found_[i] || !(p.x >= 1 && p.y >= 1 && p.x < static_cast<float>(grey_.cols - 2) && p.y < static_cast<float>(grey_.rows - 2)))
+        continue;
+      tracks_[n] = {tracks_[i].id, p.x, p.y, corners_[i].x, corners_[i].y, tracks_[i].age + 1};
+      corners_[n++] = p;
+    }
+    tracks_.resize(n);
+    corners_.resize(n);
+  }
+  // Those that were lost are replaced by keypoints of the host where there are none.
+  void NewCorners(const std::vector<cv::KeyPoint>& keypoints) {
+    const int cell = 16;  // [px]
+    cv::Mat taken(grey_.rows / cell + 1, grey_.cols / cell + 1, CV_8U, cv::Scalar(0));
+    const auto at = [&](const cv::Point2f& p) -> unsigned char& {
+      return taken.at<unsigned char>(static_cast<int>(p.y) / cell, static_cast<int>(p.x) / cell);
+    };
+    for (const cv::Point2f& p : corners_) at(p) = 1;
+    for (const cv::KeyPoint& k : keypoints) {
+      if (static_cast<int>(corners_.size()) >= options_.corners) break;
+      if (k.octave > 2 ||
+          !(k.pt.x >= 1 && k.pt.y >= 1 && k.pt.x < static_cast<float>(grey_.cols - 2) && k.pt.y < static_cast<float>(grey_.rows - 2)))
+        continue;
+      if (at(k.pt) != 0) continue;
+      at(k.pt) = 1;
+      corners_.push_back(k.pt);
+      tracks_.push_back({next_track_++, k.pt.x, k.pt.y, k.pt.x, k.pt.y, 0});
+    }
+  }
+
+  template <class KeyFrame>
+  static Sophus::SE3f PoseNow(const Recorded& r, bool* known) {
+    KeyFrame* reference = static_cast<KeyFrame*>(r.reference);
+    Sophus::SE3f T = r.T_camera_reference;
+    while (reference && reference->isBad()) {  // culled: on along the spanning tree
+      T = T * reference->mTcp;
+      reference = reference->GetParent();
+    }
+    *known = reference != nullptr;
+    return reference ? T * reference->GetPose() : T;
+  }
+  template <class KeyFrame>
+  void Keep(KeyFrame* reference, const Sophus::SE3f& Tcw) {
+    records_.push_back({timestamp_, reference, &ApsoHook::PoseNow<KeyFrame>, Tcw * reference->GetPose().inverse()});
+  }
+  template <class Frame>
+  void Record(const Frame& frame, bool ok) {
+    while (!records_.empty() && timestamp_ - records_.front().timestamp > kRecorded) records_.pop_front();
+    moving_on_ = ok && !records_.empty() && last_ok_;
+    last_ok_ = ok;
+    if (ok && frame.mpReferenceKF) Keep(frame.mpReferenceKF, frame.GetPose());
+  }
+  static int PoseOf(void* self, double timestamp, double* T_world_camera) {
+    const std::deque<Recorded>& records = static_cast<ApsoHook*>(self)->records_;
+    const auto r = std::lower_bound(records.begin(), records.end(), timestamp, [](const Recorded& a, double t) { return a.timestamp < t; });
+    if (r == records.end() || r->timestamp != timestamp) return 0;
+    bool known = false;
+    const Sophus::SE3f Tcw = r->pose(*r, &known);
+    if (known) WriteInverse(Tcw, T_world_camera);
+    return known ? 1 : 0;
+  }
+  // Constant velocity; the last pose that was set where there is none.
+  Sophus::SE3f Prediction() const {
+    if (records_.empty()) return Sophus::SE3f();
+    bool known = false;
+    const Sophus::SE3f last = records_.back().pose(records_.back(), &known);
+    if (!moving_on_ || records_.size() < 2) return last;
+    const Recorded& before = records_[records_.size() - 2];
+    return last * before.pose(before, &known).inverse() * last;
+  }
+
+  template <class Frame, class MapPoint>
+  void DropMoved(Frame& frame, const std::vector<MapPoint*>& local) {
+    points_.clear();
+    asked_.clear();
+    for (std::size_t i = 0; i < local.size(); ++i) {
+      if (!local[i] || local[i]->isBad()) continue;
+      const Eigen::Vector3f p = local[i]->GetWorldPos();
+      points_.insert(points_.end(), p.data(), p.data() + 3);
+      asked_.push_back(i);
+    }
+    presence_.resize(asked_.size());
+    double T[12];
+    WriteInverse(frame.GetPose(), T);
+    Check(apso_bridge_presence(bridge_, T, points_.data(), static_cast<int>(asked_.size()), presence_.data()));
+    if (gone_.size() > 100000) gone_.clear();
+    for (std::size_t k = 0; k < asked_.size(); ++k) {
+      MapPoint* point = local[asked_[k]];
+      if (presence_[k] == APSO_POINT_PRESENT) {
+        const auto seen = gone_.find(point->mnId);
+        if (seen != gone_.end() && --seen->second <= 0) gone_.erase(seen);
+      } else if (presence_[k] == APSO_POINT_GONE && ++gone_[point->mnId] >= kGone) {
+        gone_.erase(point->mnId);
+        point->SetBadFlag();
+        ++dropped_;
+      }
+    }
+    for (auto& point : frame.mvpMapPoints) {
+      if (point && point->isBad()) point = nullptr;
+    }
+  }
+  template <class Frame>
+  static void Forget(Frame& frame) {
+    std::fill(frame.mvpMapPoints.begin(), frame.mvpMapPoints.end(), nullptr);
+    std::fill(frame.mvbOutlier.begin(), frame.mvbOutlier.end(), false);
+  }
+  template <class T>
+  static void Select(const std::vector<bool>& keep, std::vector<T>& list) {
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < keep.size(); ++i) {
+      if (keep[i]) list[n++] = list[i];
+    }
+    list.resize(n);
+  }
+
+  static void WriteInverse(const Sophus::SE3f& Tcw, double* T) {
+    const Eigen::Matrix3f R = Tcw.rotationMatrix().transpose();
+    const Eigen::Vector3f t = -(R * Tcw.translation());
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) T[4 * i + j] = static_cast<double>(R(i, j));
+      T[4 * i + 3] = static_cast<double>(t(i));
+    }
+  }
+  static Sophus::SE3f ReadInverse(const double* T) {
+    Eigen::Matrix3f R;
+    Eigen::Vector3f t;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) R(i, j) = static_cast<float>(T[4 * i + j]);
+      t(i) = static_cast<float>(T[4 * i + 3]);
+    }
+    return Sophus::SE3f(Eigen::Quaternionf(R).normalized(), t).inverse();
+  }
+  void Create(int width, int height) {
+    if (bridge_) return;
+    const ApsoBridgeOptions options = {options_.refine, options_.own_thread ? 1 : 0};
+    bridge_ = apso_bridge_create(fx_, fy_, cx_, cy_, width, height, &options);
+    if (!bridge_)
+      throw std::invalid_argument("ApsoHook: fx and fy must be positive, the image at least 16 x 16, refine one of APSO_REFINE_*");
+    report_.keyframe_allowed = 1;
+  }
+  void Check(int failed) const {
+    if (failed != 0) throw std::runtime_error(std::string("ApsoHook: ") + apso_bridge_error(bridge_));
+  }
+
+  double fx_, fy_, cx_, cy_;
+  ApsoHookOptions options_;
+  ApsoBridge* bridge_;
+  ApsoBridgeReport report_;
+  cv::Mat grey_, previous_grey_, depth_, mask_;  // of the frame that was begun, and of the one before
+  double predicted_[12];
+  std::future<void> observing_;
+  double waited_ = 0;
+  std::vector<cv::Point2f> corners_, followed_;
+  std::vector<ApsoBridgeTrack> tracks_;  // of corners_
+  std::vector<unsigned char> found_;
+  std::vector<float> error_;
+  long long next_track_ = 0;
+  double timestamp_ = 0;
+  bool repaired_ = false;
+  bool last_ok_ = false;
+  bool moving_on_ = false;
+  std::deque<Recorded> records_;  // oldest first
+  std::vector<ApsoBridgeKeypoint> keypoints_;
+  std::unordered_map<unsigned long, int> gone_;  // by MapPoint::mnId
+  std::vector<float> points_;
+  std::vector<std::size_t> asked_;
+  std::vector<unsigned char> presence_;
+  int dropped_ = 0;
+};
