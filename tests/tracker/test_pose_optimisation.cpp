@@ -2,6 +2,7 @@
 
 #include <random>
 
+#include <apso/tracker/local_map.hpp>
 #include <apso/tracker/solvers/pose_optimisation.hpp>
 #include <apso/tracker/solvers/ransac_pose.hpp>
 #include <apso/tracker/solvers/windowed_adjustment.hpp>
@@ -203,4 +204,33 @@ TEST_CASE("bundle adjustment brings disturbed poses and points back") {
   CHECK(succeeded(result.status));
   CHECK(result.cost_after < 1e-3 * result.cost_before);
   for (std::size_t k = 0; k < 4; ++k) CHECK(distance(problem.T_camera_world[k], truth[k]) < 1e-3);
+}
+
+TEST_CASE("a keyframe that is forgotten takes its landmarks along and gives its memory back") {
+  LocalMap map;
+  FeatureSet features;
+  for (int i = 0; i < 50; ++i) {
+    features.keypoints.push_back({100.0F + static_cast<float>(i), 200, 1, 0, 0});
+    features.descriptors.push_back(Descriptor{});
+    features.inverse_depth.push_back(0.5F);
+    features.inverse_depth_sigma.push_back(0.01F);
+  }
+  const int a = map.add_keyframe(0, identity_pose(), features);
+  const int b = map.add_keyframe(1, some_pose(), features);
+  const int only_a = map.add_landmark(kCamera, a, 0, 0);
+  const int both = map.add_landmark(kCamera, a, 1, 0);
+  map.add_view(both, b, 1);
+  REQUIRE(map.living_landmarks() == 2);
+  map.forget_keyframe(a);
+  map.forget_keyframe(a);  // once is enough
+  CHECK(map.living_keyframes() == 1);
+  CHECK(map.living_landmarks() == 1);
+  CHECK_FALSE(map.landmark(only_a).alive);
+  REQUIRE(map.landmark(both).views.size() == 1);
+  CHECK(map.landmark(both).views[0].keyframe == b);
+  CHECK(map.keyframe(b).landmark[1] == both);
+  CHECK(map.keyframe(a).landmark.capacity() == 0);
+  CHECK(map.keyframe(a).features.keypoints.capacity() == 0);
+  map.forget_keyframe(b);
+  CHECK(map.living_landmarks() == 0);
 }

@@ -160,7 +160,7 @@ class LocalMap {
     for (std::size_t f = 0; f < k.landmark.size(); ++f)
       if (k.landmark[f] >= 0) remove_view(k.landmark[f], index);
     k.features = FeatureSet{};
-    k.landmark.clear();
+    k.landmark = std::vector<int>();  // clear() would keep its memory for ever
     k.alive = false;
     --living_keyframes_;
   }
