@@ -40,6 +40,7 @@ MEANING = {
 }
 SYNTHETIC = {
     "people walk": ["walking_xyz", "walking_halfsphere", "walking_rpy", "walking_static"],
+    "people sit, rise and walk": ["rising_xyz", "rising_halfsphere", "rising_rpy", "rising_static"],
     "brought down on purpose": ["stress_ceiling", "stress_roll", "stress_crowd", "stress_dark", "stress_flash", "stress_dropout", "stress_all"],
     "nobody moves": ["static_xyz", "static_halfsphere", "static_rpy", "static_static"],
 }
