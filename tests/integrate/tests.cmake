@@ -16,6 +16,19 @@ if(NOT APSO_INNER)
   target_compile_definitions(apso_test_orb_slam3 PRIVATE APSO_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
   add_test(NAME integrate_orb_slam3 COMMAND apso_test_orb_slam3)
 
+  # OpenCV's own RGB-D odometry, where its contributed part is installed (libopencv-contrib-dev).
+  find_package(OpenCV QUIET OPTIONAL_COMPONENTS rgbd)
+  if(TARGET opencv_rgbd)
+    add_executable(opencv_odometry ${_examples}/opencv_odometry/main.cpp)
+    target_link_libraries(opencv_odometry PRIVATE apso_opencv apso_flags yaml-cpp opencv_rgbd)
+    add_executable(apso_test_opencv_odometry ${_here}/opencv_odometry/test_opencv_odometry.cpp)
+    target_include_directories(apso_test_opencv_odometry PRIVATE ${_examples}/opencv_odometry)
+    target_link_libraries(apso_test_opencv_odometry PRIVATE apso_test_main apso_opencv apso_flags opencv_rgbd)
+    add_test(NAME integrate_opencv_odometry COMMAND apso_test_opencv_odometry)
+  else()
+    message(STATUS "integrate_opencv_odometry is not tested: OpenCV's module rgbd was not found")
+  endif()
+
   # ROS 2: the node with its messages. main.cpp is compiled along, so that it cannot rot either.
   add_library(apso_ros_common OBJECT ${_examples}/ros_common/rgbd_slam.cpp)
   target_link_libraries(apso_ros_common PRIVATE apso_opencv apso_flags)
