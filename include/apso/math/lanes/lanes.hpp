@@ -96,7 +96,7 @@ using Mask = IntLanes;
 
 struct Lanes {
   detail::FloatVector v;
-  Lanes() = default;
+  Lanes() = default;  // cppcheck-suppress uninitMemberVar; filled by whoever makes it
   APSO_INLINE explicit Lanes(const detail::FloatVector& x) : v(x) {}
   template <class S, class = std::enable_if_t<std::is_arithmetic_v<S>>>
   APSO_INLINE Lanes(S number) {  // NOLINT: a number stands for lanes that all hold it
