@@ -35,7 +35,7 @@ Errors run(const std::string& name, int frames) {
     sequence.render(i, f);
     cv::cvtColor(cv::Mat(o.height, o.width, CV_8UC3, f.rgb.data()), grey, cv::COLOR_RGB2GRAY);
     const cv::Mat depth(o.height, o.width, CV_32F, f.depth.data());
-    const auto error = [&](const Pose& T) { return (T_world_first * T).translation() - f.T_world_camera.translation(); };
+    const auto error = [&](const Pose& T) -> Eigen::Vector3d { return (T_world_first * T).translation() - f.T_world_camera.translation(); };
     const Pose a = alone.track(f.timestamp, grey, depth);
     const Pose b = with.track(f.timestamp, grey, depth);
     e.finite = e.finite && is_finite(a) && is_finite(b);
