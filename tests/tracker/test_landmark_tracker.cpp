@@ -229,6 +229,28 @@ TEST_CASE("after a frame of which nothing was known, few matches are no proof of
   }
 }
 
+TEST_CASE("a map that is full takes no more memory, and follows on") {
+  Recording r("static_xyz");
+  LandmarkTrackerOptions options;
+  options.keyframe_interval = 0.03;  // each frame is a keyframe
+  options.max_keyframes = 6;
+  LandmarkTracker tracker(r.room.camera(), options);
+  std::size_t landmarks = 0;
+  for (int i = 0; i < 40; ++i) {
+    r.next(i);
+    tracker.begin(r.image.rgbd(), r.found.keypoints(), r.found.descriptors(), none);
+    const FeatureResult pose = tracker.estimate();
+    REQUIRE(pose.ok);
+    CHECK(position_error(pose.T_world_camera, r.truth(i)) < 0.02);
+    tracker.commit(pose.T_world_camera, none, true);
+    CHECK(tracker.map().kept_keyframes() <= 6);
+    if (i == 20) landmarks = tracker.map().landmarks().size();
+  }
+  CHECK(tracker.keyframes() == 6);
+  CHECK(tracker.map().first_keyframe() > 20);
+  CHECK(tracker.map().landmarks().size() < landmarks * 5 / 4);  // the numbers of those that are gone are used again
+}
+
 TEST_CASE("wrong calls of the tracker are told") {
   Recording r("static_xyz");
   r.next(0);

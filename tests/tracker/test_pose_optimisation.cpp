@@ -229,8 +229,25 @@ TEST_CASE("a keyframe that is forgotten takes its landmarks along and gives its 
   REQUIRE(map.landmark(both).views.size() == 1);
   CHECK(map.landmark(both).views[0].keyframe == b);
   CHECK(map.keyframe(b).landmark[1] == both);
-  CHECK(map.keyframe(a).landmark.capacity() == 0);
-  CHECK(map.keyframe(a).features.keypoints.capacity() == 0);
+  CHECK(map.first_keyframe() == b);
+  CHECK(map.kept_keyframes() == 1);
   map.forget_keyframe(b);
   CHECK(map.living_landmarks() == 0);
+  CHECK(map.kept_keyframes() == 0);
+  CHECK(map.last_keyframe() < map.first_keyframe());
+  CHECK(map.add_keyframe(2, identity_pose(), features) == b + 1);  // numbers are not given again
+}
+
+TEST_CASE("a keyframe that is forgotten between others keeps its place until the older ones are gone") {
+  LocalMap map;
+  for (int i = 0; i < 4; ++i) map.add_keyframe(i, identity_pose(), FeatureSet{});
+  map.forget_keyframe(1);
+  CHECK(map.first_keyframe() == 0);
+  CHECK(map.kept_keyframes() == 4);
+  CHECK_FALSE(map.keyframe(1).alive);
+  map.forget_keyframe(0);
+  CHECK(map.first_keyframe() == 2);
+  CHECK(map.last_keyframe() == 3);
+  CHECK(map.keyframe(2).timestamp == 2);
+  CHECK(map.living_keyframes() == 2);
 }

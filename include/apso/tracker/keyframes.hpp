@@ -86,15 +86,15 @@ inline int new_keyframe(const Pinhole& camera, const WeightedFeatures& features,
 inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves, int window, LocalMap& map, PassMarks& marks) {
   constexpr int kIterations = 4;  // one keyframe after another, so that each starts close to its end
   AdjustmentProblem problem;
-  std::vector<int> pose_of(map.keyframes().size(), -1);
+  std::vector<int> pose_of(map.kept_keyframes(), -1);
   std::vector<int> keyframe_of;
   const auto take = [&](int k, bool fixed) {
-    pose_of[static_cast<std::size_t>(k)] = static_cast<int>(keyframe_of.size());
+    pose_of[map.slot(k)] = static_cast<int>(keyframe_of.size());
     keyframe_of.push_back(k);
     problem.T_camera_world.push_back(inverse(map.keyframe(k).T_world_camera));
     problem.fixed.push_back(fixed ? 1 : 0);
   };
-  for (int k = map.last_keyframe(); k >= 0 && static_cast<int>(keyframe_of.size()) < window; --k)
+  for (int k = map.last_keyframe(); k >= map.first_keyframe() && static_cast<int>(keyframe_of.size()) < window; --k)
     if (map.keyframe(k).alive) take(k, k == 0);
   if (keyframe_of.size() < 2) return;
   const std::size_t refined = keyframe_of.size();
@@ -111,12 +111,12 @@ inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves,
     point.point = landmark.point;
     point.first = static_cast<int>(problem.views.size());
     for (const LandmarkView& v : landmark.views) {
-      if (pose_of[static_cast<std::size_t>(v.keyframe)] < 0) {
+      if (pose_of[map.slot(v.keyframe)] < 0) {
         take(v.keyframe, true);
         anchored = true;
       }
       AdjustmentProblem::View view;
-      view.pose = pose_of[static_cast<std::size_t>(v.keyframe)];
+      view.pose = pose_of[map.slot(v.keyframe)];
       view.observation = observation_of(map.keyframe(v.keyframe).features, v.feature, landmark.point, 1.0F, octaves);
       problem.views.push_back(view);
       ++point.count;

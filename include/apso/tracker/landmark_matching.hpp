@@ -59,17 +59,17 @@ class LandmarkMatcher {
   /// \param window how many of the last keyframes, and how many others at most
   void collect(const LocalMap& map, const std::vector<int>& seen, int window) {
     keyframes_.clear();
-    for (int k = map.last_keyframe(); k >= 0 && static_cast<int>(keyframes_.size()) < window; --k)
+    for (int k = map.last_keyframe(); k >= map.first_keyframe() && static_cast<int>(keyframes_.size()) < window; --k)
       if (map.keyframe(k).alive) keyframes_.push_back(k);
-    shared_.assign(map.keyframes().size(), 0);
+    shared_.assign(map.kept_keyframes(), 0);
     for (int l : seen)
       if (map.landmark(l).alive)
-        for (const LandmarkView& v : map.landmark(l).views) ++shared_[static_cast<std::size_t>(v.keyframe)];
-    for (int k : keyframes_) shared_[static_cast<std::size_t>(k)] = 0;
+        for (const LandmarkView& v : map.landmark(l).views) ++shared_[map.slot(v.keyframe)];
+    for (int k : keyframes_) shared_[map.slot(k)] = 0;
     for (int i = 0; i < window; ++i) {
       const auto most = std::max_element(shared_.begin(), shared_.end());
       if (most == shared_.end() || *most < kMinShared) break;
-      keyframes_.push_back(static_cast<int>(most - shared_.begin()));
+      keyframes_.push_back(map.first_keyframe() + static_cast<int>(most - shared_.begin()));
       *most = 0;
     }
     local_.clear();

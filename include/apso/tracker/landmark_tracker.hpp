@@ -290,7 +290,7 @@ class BasicLandmarkTracker {
         map_.refresh(l, matcher_.octaves());
         seen_.push_back(l);
       }
-    for (int old = 0; map_.living_keyframes() > options_.max_keyframes; ++old) map_.forget_keyframe(old);
+    while (map_.living_keyframes() > options_.max_keyframes) map_.forget_keyframe(map_.first_keyframe());
     return map_.keyframe(k).T_world_camera;
   }
 

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <deque>
 #include <utility>
 #include <vector>
 
@@ -71,19 +72,24 @@ class PassMarks {
   int pass_ = 0;
 };
 
-/// The keyframes and the landmarks they see. Indices stay valid; what is forgotten is no longer `alive`.
+/// The keyframes and the landmarks they see. Keyframes are numbered in the order in which they were made, and keep their number; what
+/// is forgotten is no longer `alive`, and those that are older than all living ones are gone, so that a map of constant size needs
+/// constant memory. Numbers of landmarks are used again.
 class LocalMap {
  public:
-  [[nodiscard]] const std::vector<MapKeyframe>& keyframes() const { return keyframes_; }
-  [[nodiscard]] std::vector<MapKeyframe>& keyframes() { return keyframes_; }
   [[nodiscard]] const std::vector<MapLandmark>& landmarks() const { return landmarks_; }
   [[nodiscard]] MapLandmark& landmark(int i) { return landmarks_[static_cast<std::size_t>(i)]; }
   [[nodiscard]] const MapLandmark& landmark(int i) const { return landmarks_[static_cast<std::size_t>(i)]; }
-  [[nodiscard]] MapKeyframe& keyframe(int i) { return keyframes_[static_cast<std::size_t>(i)]; }
-  [[nodiscard]] const MapKeyframe& keyframe(int i) const { return keyframes_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] MapKeyframe& keyframe(int i) { return keyframes_[slot(i)]; }
+  [[nodiscard]] const MapKeyframe& keyframe(int i) const { return keyframes_[slot(i)]; }
   [[nodiscard]] int living_landmarks() const { return living_landmarks_; }
   [[nodiscard]] int living_keyframes() const { return living_keyframes_; }
-  [[nodiscard]] int last_keyframe() const { return static_cast<int>(keyframes_.size()) - 1; }
+  /// The oldest keyframe that is kept, and the latest: all numbers between them are kept too. last < first: there is none.
+  [[nodiscard]] int first_keyframe() const { return first_keyframe_; }
+  [[nodiscard]] int last_keyframe() const { return first_keyframe_ + static_cast<int>(keyframes_.size()) - 1; }
+  /// How many keyframes are kept, and the place of one among them.
+  [[nodiscard]] std::size_t kept_keyframes() const { return keyframes_.size(); }
+  [[nodiscard]] std::size_t slot(int keyframe) const { return static_cast<std::size_t>(keyframe - first_keyframe_); }
 
   int add_keyframe(double timestamp, const Pose& T_world_camera, const FeatureSet& features) {
     MapKeyframe k;
@@ -155,14 +161,15 @@ class LocalMap {
   }
 
   void forget_keyframe(int index) {
+    if (index < first_keyframe_ || index > last_keyframe() || !keyframe(index).alive) return;
     MapKeyframe& k = keyframe(index);
-    if (!k.alive) return;
     for (std::size_t f = 0; f < k.landmark.size(); ++f)
       if (k.landmark[f] >= 0) remove_view(k.landmark[f], index);
     k.features = FeatureSet{};
     k.landmark = std::vector<int>();  // clear() would keep its memory for ever
     k.alive = false;
     --living_keyframes_;
+    for (; !keyframes_.empty() && !keyframes_.front().alive; ++first_keyframe_) keyframes_.pop_front();
   }
 
   /// Descriptor, viewing direction and scale from the views.
@@ -201,7 +208,8 @@ class LocalMap {
   }
 
  private:
-  std::vector<MapKeyframe> keyframes_;
+  std::deque<MapKeyframe> keyframes_;
+  int first_keyframe_ = 0;
   std::vector<MapLandmark> landmarks_;
   std::vector<int> free_;
   int living_landmarks_ = 0;

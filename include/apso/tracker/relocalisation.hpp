@@ -37,10 +37,10 @@ inline bool relocalise(const LocalMap& map, const WeightedFeatures& features, co
   constexpr double kRadii[] = {15.0, 8.0};
   int tried = 0;
   int stride = 1;
-  for (int k = map.last_keyframe(); k >= 0 && tried < kMaxTried; k -= stride) {
+  for (int k = map.last_keyframe(); k >= map.first_keyframe() && tried < kMaxTried; k -= stride) {
     if (!map.keyframe(k).alive) continue;
     ++tried;
-    if (tried >= kRecent) stride = std::max(1, map.last_keyframe() / 8);
+    if (tried >= kRecent) stride = std::max(1, (map.last_keyframe() - map.first_keyframe()) / 8);
     if (!matcher.match_keyframe(map, features, k)) continue;
     RansacOptions ransac;
     ransac.seed = input.seed;
