@@ -26,7 +26,9 @@ INCLUDE = ROOT / "include"
 FOLDERS = {"math": ["math", "evaluation"], "quality": ["quality"], "refinement": ["refinement"]}  # and where their tests are
 LEAST = 90  # per cent
 SPARE = 1.4  # mutants drawn for each that is wanted
-CPU_SECONDS = 120  # of the tests with one mutant; more is an endless loop
+ENDLESS = 10  # times the processor time of the tests without a mutant: an endless loop
+ASLEEP = 5  # times that limit in wall time: tests that wait for ever use no processor
+LEAST_SECONDS = 20  # of processor time, however quick the tests are
 MEMORY = 6 << 30  # bytes
 # what the operators become: a type of SWITCHES, written between the operator and a second one
 BINARY = {"<": "lt", "<=": "le", ">": "gt", ">=": "ge", "==": "eq", "!=": "ne", "+": "add", "-": "sub", "*": "mul", "/": "div"}
@@ -166,8 +168,9 @@ class Tests:
             done = subprocess.run([*self.compiler, "-include", "apso_mutate.hpp", "-c", source, "-o", made], capture_output=True, text=True)
             if done.returncode == 0:
                 return made
-            lines = set(re.findall(r"([^\s:]+\.hpp):(\d+)", done.stderr))
-            wrong = [m for m in self.mutants if (str(self.overlay / m.header.relative_to(INCLUDE)), str(m.line + 1)) in lines]
+            # ccache writes paths relative to the current folder
+            lines = {(pathlib.Path(p).resolve(), int(n)) for p, n in re.findall(r"([^\s:]+\.hpp):(\d+)", done.stderr)}
+            wrong = [m for m in self.mutants if (self.overlay / m.header.relative_to(INCLUDE), m.line + 1) in lines]
             if not wrong:
                 sys.exit(f"{source}: does not compile:\n{done.stderr[:3000]}")
             for m in wrong:
@@ -193,18 +196,27 @@ class Tests:
         self.program = self.scratch / "tests"
         subprocess.run([self.linker, *objects, main, "-o", self.program, "-pthread", "-lopencv_core", "-lopencv_imgproc", "-lyaml-cpp"],
                        check=True)
+        self.cpu_seconds = 3600
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         if self.run(-1) != "":
             sys.exit(f"{self.folder}: the tests fail without any mutant")
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        self.cpu_seconds = math.ceil(max(LEAST_SECONDS, ENDLESS * used))
+        print(f"  tests without a mutant: {used:.1f} s; a mutant has {self.cpu_seconds} s", flush=True)
 
     def run(self, number):
         """What killed the mutant; empty if nothing did."""
         def limits():
-            resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS + 5))
+            resource.setrlimit(resource.RLIMIT_CPU, (self.cpu_seconds, self.cpu_seconds + 5))
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         environment = {**os.environ, "APSO_MUTANT": str(number)}
-        done = subprocess.run([self.program, "--abort-after=1", "--no-colors"], env=environment, preexec_fn=limits,
-                              capture_output=True, text=True, errors="replace")
+        try:
+            done = subprocess.run([self.program, "--abort-after=1", "--no-colors"], env=environment, preexec_fn=limits,
+                                  capture_output=True, text=True, errors="replace", timeout=ASLEEP * self.cpu_seconds)
+        except subprocess.TimeoutExpired:
+            return "no end"
         if done.returncode == 0:
             return ""
         named = re.search(r"TEST CASE: +(.*)", done.stdout)
