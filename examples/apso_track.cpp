@@ -164,7 +164,7 @@ void Run::process(int i) {
   ms.features += watch.lap();
 
   pipeline.assess(tracker.keypoints(), tracker.tracks(),
-                  {features.T_world_camera, features.T_world_predicted, features.ok, features.information});
+                  {features.T_world_camera, features.T_world_predicted, features.ok, features.information, features.confirmed_matches()});
   ms.assess = watch.lap();
   const apso::FrameReport& report = pipeline.conclude();
   ms.refine = watch.lap();
@@ -245,9 +245,9 @@ void Run::write() {
 
 void Run::tell(const json& summary) const {
   const std::size_t frames = record_.reports.size();
-  std::printf("%s: %zu of %d frames with a pose, %d refined, %d BAD (%d repaired), %d lost, %zu skipped\n", a_.sequence.c_str(),
-              record_.final_poses.size(), total_, record_.refined(), record_.in_state(apso::SceneState::Bad), record_.repaired(),
-              record_.in_state(apso::SceneState::Lost), record_.skipped.size());
+  std::printf("%s: %zu of %d frames with a pose, %d refined, %d BAD (%d repaired, %d predicted), %d lost, %zu skipped\n",
+              a_.sequence.c_str(), record_.final_poses.size(), total_, record_.refined(), record_.in_state(apso::SceneState::Bad),
+              record_.repaired(), record_.predicted(), record_.in_state(apso::SceneState::Lost), record_.skipped.size());
   for (const json& s : record_.skipped) {
     std::printf("  skipped frame %d: %s\n", s["frame"].get<int>(), s["reason"].get<std::string>().c_str());
   }

@@ -84,7 +84,8 @@ void run(const std::string& folder, const std::string& camera_text, const std::s
     const apso::Observation& seen = pipeline.observe(now, prior.T_world_camera, tracker.tracks());
     const auto pose = tracker.estimate(seen.mask.probability);
     // 2. Can the frame be trusted?
-    pipeline.assess(tracker.keypoints(), tracker.tracks(), {pose.T_world_camera, pose.T_world_predicted, pose.ok, pose.information});
+    pipeline.assess(tracker.keypoints(), tracker.tracks(),
+                    {pose.T_world_camera, pose.T_world_predicted, pose.ok, pose.information, pose.confirmed_matches()});
     // 3. The images themselves are aligned with trusted frames, and both poses are joined as far as each is trusted.
     const apso::FrameReport& report = pipeline.conclude();
     // The map learns only from frames that can be trusted.

@@ -20,7 +20,8 @@ int main() {
     const auto prior = tracker.estimate(pipeline.observation().mask.probability);
     const auto& seen = pipeline.observe(now, prior.T_world_camera, found.tracks());
     const auto pose = tracker.estimate(seen.mask.probability);
-    pipeline.assess(found.keypoints(), found.tracks(), {pose.T_world_camera, pose.T_world_predicted, pose.ok, pose.information});
+    pipeline.assess(found.keypoints(), found.tracks(),
+                    {pose.T_world_camera, pose.T_world_predicted, pose.ok, pose.information, pose.confirmed_matches()});
     const auto& report = pipeline.conclude();
     tracker.commit(report.T_world_camera, seen.mask.probability, report.keyframe_allowed);
     const double error =

@@ -64,7 +64,7 @@ class FrameTable {
     stream_ << "S_change,S_step,dynamic_ratio,"
                "W_base,W_change,S_final,th_differ,th_f,th_s,degraded,benchmark_updated,benchmark_age_s,"
                "objects,feature_ok,feature_matches,feature_inliers,keyframes,landmarks,refined,refine_status,w_diff,w_eff,"
-               "c_dir,references,far_reference,gated,valid_share,scale_intensity,scale_depth,degenerate_directions,"
+               "c_dir,references,far_reference,gated,pose_source,valid_share,scale_intensity,scale_depth,degenerate_directions,"
                "iterations,ms_load,ms_features,ms_observe,ms_assess,ms_refine,ms_map,ms_total,";
     apso::for_each_measurement(apso::Assessment{}, name_column);
     stream_ << "explanation\n";
@@ -116,6 +116,7 @@ class FrameTable {
     optional(tried, d.references);
     optional(tried, d.far_reference ? 1 : 0);
     optional(tried, d.gated ? 1 : 0);
+    text(to_string(r.source));
     optional(tried, d.alignment.valid_share);
     optional(tried, d.alignment.scale_intensity);
     optional(tried, d.alignment.scale_depth);

@@ -39,6 +39,10 @@ struct Record {
   [[nodiscard]] int repaired() const {
     return count([](const apso::FrameReport& r) { return r.refined && r.state == apso::SceneState::Bad; });
   }
+  /// Frames that have only a predicted pose, because nothing that was measured could be believed.
+  [[nodiscard]] int predicted() const {
+    return count([](const apso::FrameReport& r) { return r.source == apso::PoseSource::Prediction && r.state != apso::SceneState::Lost; });
+  }
   [[nodiscard]] int in_state(apso::SceneState state) const {
     return count([state](const apso::FrameReport& r) { return r.state == state; });
   }
@@ -108,6 +112,7 @@ inline nlohmann::json summarise(const Record& r, int total, const apso::Trajecto
                        {"initialising", initialising},
                        {"refined", r.refined()},
                        {"repaired", r.repaired()},
+                       {"predicted", r.predicted()},
                        {"soft_weights", r.softened}};
   summary["skipped"] = r.skipped;
   summary["mask_problems"] = r.use.problems;

@@ -34,6 +34,10 @@ class Host {
   const FrameReport& step(int i, const Pose& T_error = Pose::Identity(), bool ok = true, float response = 30,
                           const Pose* T_world_feature = nullptr, const Matrix6& information = Matrix6::Zero()) {
     sequence_.render(i, frame_);
+    if (blank) {
+      frame_.depth = Image<float>(320, 240, 0.F);
+      frame_.intensity = Image<float>(320, 240, 0.5F);
+    }
     const Pose T_true = truth(i);
     keypoints_.clear();
     for (int y = 5; y < 240; y += 10) {
@@ -52,6 +56,7 @@ class Host {
   /// The map of the host is turned and shifted as a whole, as when maps are joined.
   void move_map(const Pose& T) { T_map_ = T * T_map_; }
   Pipeline& pipeline() { return pipeline_; }
+  bool blank = false;  ///< the frames show nothing from now on
 
  private:
   testing::SyntheticSequence sequence_;
@@ -270,6 +275,49 @@ TEST_CASE("a jump that no camera makes is not believed") {
   REQUIRE(r.state == SceneState::Bad);
   CHECK(r.refinement.too_fast);
   CHECK_FALSE(r.refined);
+}
+
+TEST_CASE(
+    "a feature pose of a BAD frame that contradicts the prediction, and that nothing confirms, gives way to it; a guess after it is none") {
+  Host host("static_xyz", 0, quick_start());
+  int i = 0;
+  for (; i < 12; ++i) host.step(i);
+  host.blank = true;
+  Pose T_wrong = host.truth(i);
+  T_wrong(0, 3) += 0.2;
+  const FrameReport& first = host.step(i, Pose::Identity(), true, 0.0F, &T_wrong);
+  REQUIRE_FALSE(first.refined);
+  CHECK(first.state == SceneState::Bad);
+  CHECK(first.source == PoseSource::Prediction);
+  CHECK((inverse(host.truth(i)) * first.T_world_camera).translation().norm() < 1e-9);
+  CHECK_FALSE(first.keyframe_allowed);
+  // another place, far from both: nothing has been measured for two frames
+  ++i;
+  T_wrong = host.truth(i);
+  T_wrong(1, 3) += 0.4;
+  CHECK(host.step(i, Pose::Identity(), true, 0.0F, &T_wrong).state == SceneState::Lost);
+  // near the prediction it is believed
+  ++i;
+  const Pose T_right = host.truth(i);
+  const FrameReport& near = host.step(i, Pose::Identity(), true, 0.0F, &T_right);
+  CHECK(near.state == SceneState::Bad);
+  CHECK(near.source == PoseSource::Features);
+}
+
+TEST_CASE("a camera that is found again far from where it was lost is believed once a second pose goes on from the first") {
+  Host host("static_static", 0, quick_start());
+  int i = 0;
+  for (; i < 12; ++i) host.step(i);
+  host.blank = true;
+  const Pose T_lost = make_pose(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.5, 0, 0));
+  CHECK(host.step(i++, T_lost, false, 0.0F).state == SceneState::Lost);
+  for (const SceneState expected : {SceneState::Lost, SceneState::Bad}) {
+    const Pose T_found = host.truth(i);
+    const FrameReport& r = host.step(i, T_lost, true, 0.0F, &T_found);
+    CHECK(r.state == expected);
+    CHECK(r.source == (expected == SceneState::Bad ? PoseSource::Features : PoseSource::Prediction));
+    ++i;
+  }
 }
 
 TEST_CASE("a frame without features and without refinement is LOST") {

@@ -358,6 +358,24 @@ TEST_CASE("without a pose of the tracker the frame is BAD and no reference") {
   CHECK_FALSE(a.benchmark_updated);
 }
 
+TEST_CASE("keypoints that match nothing are worth nothing: without a match no frame is GOOD, however many there are") {
+  Scene s;
+  SceneAssessor assessor(s.camera);
+  for (int n = 1; n <= 31; ++n) assessor.assess(s.input());
+  REQUIRE(assessor.assessment().state == SceneState::Good);
+  const double before = assessor.assessment().S_total.value();
+  s.input().matches = 0;
+  CHECK(assessor.assess(s.in).S_total.value() < 0.6 * before);
+  CHECK(assessor.assessment().state == SceneState::Bad);
+  CHECK(measurement(assessor.assessment(), "S_match") == 0);
+  CHECK(explain(assessor.assessment()).find("too few match the map") != std::string::npos);
+  for (const int enough : {kEnoughMatches, 500, -1}) {  // -1: the tracker does not tell
+    s.input().matches = enough;
+    CHECK(assessor.assess(s.in).S_total.value() > 0.99 * before);
+    CHECK(assessor.assessment().state == SceneState::Good);
+  }
+}
+
 TEST_CASE("whatever comes in, no NaN gets out, and the assessor recovers") {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float inf = std::numeric_limits<float>::infinity();

@@ -169,6 +169,9 @@ TEST_CASE("the tracks carry the pose where the map shows nothing, but not for ev
     const FeatureResult pose = tracker.estimate();
     CHECK(pose.ok == (i < 8));
     CHECK(pose.from_tracks == (i >= 5 && i < 8));
+    // what speaks for the pose: nothing to match yet, landmarks, tracks, nothing
+    CHECK(pose.confirmed_matches() == (i == 0 ? -1 : i < 5 ? pose.inliers : i < 8 ? pose.track_inliers : 0));
+    if (i > 0 && i < 8) CHECK(pose.confirmed_matches() > 30);
     if (pose.ok) CHECK(position_error(pose.T_world_camera, r.truth(i)) < 0.02);
     tracker.commit(pose.T_world_camera, none, true);
   }

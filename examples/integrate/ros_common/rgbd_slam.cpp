@@ -37,7 +37,7 @@ SlamFrame RgbdSlam::process(double timestamp, const apso::Image<std::uint8_t>& g
   const apso::Observation& seen = s.pipeline.observe(frame, prior.T_world_camera, s.tracker.tracks());
   const auto features = seen.informative ? s.tracker.estimate(seen.mask.probability) : prior;
   s.pipeline.assess(s.tracker.keypoints(), s.tracker.tracks(),
-                    {features.T_world_camera, features.T_world_predicted, features.ok, features.information});
+                    {features.T_world_camera, features.T_world_predicted, features.ok, features.information, features.confirmed_matches()});
   const apso::FrameReport& report = s.pipeline.conclude();
   s.tracker.commit(report.T_world_camera, seen.mask.probability, report.keyframe_allowed);
   // [/frame]

@@ -75,6 +75,10 @@ using PipelineOptions = BasicPipelineOptions<>;
 /// (see direct_confidence()).
 inline constexpr double kSureConfidence = 0.75;
 
+/// A feature pose of a BAD frame that is so far from the prediction, in units of motion_distance(), and that neither a direct pose nor
+/// the feature pose before it confirms, is not believed: 7.5 cm or 5 degrees.
+inline constexpr double kUnbelievable = 0.5;
+
 /// What the first module found.
 struct Observation {
   DynamicMask mask;
@@ -93,6 +97,8 @@ struct FeaturePose {
   Matrix6 information = zeros<Matrix6>();  ///< of T_world_feature, for the increment d of T_camera_world <- Exp(d) T_camera_world,
                                            ///< translation first [1/m^2, 1/rad^2]: the normal matrix of the pose optimisation;
                                            ///< zero = not known, and so is one that is not finite
+  int matches = -1;  ///< points of the map, or of an earlier frame, that agree with T_world_feature; -1 = not known. A pose of fewer
+                     ///< than kEnoughMatches lowers S_feature, so that a frame without any is not GOOD
 };
 
 /// Owns the state of the three modules. Not thread-safe; use one per camera.
@@ -198,6 +204,8 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   void check_frame_size(const FrameT& frame) const;
   template <class Mask>
   void join_mask(const Mask& mask);
+  [[nodiscard]] bool near_feature(const Pose& T_world_camera) const;
+  [[nodiscard]] bool unexpected() const;
   template <class Tracks>
   const std::vector<PointTrack>& listed(const Tracks* tracks) {
     if (tracks != nullptr) return as_tracks(*tracks, tracks_);
@@ -227,6 +235,9 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   Pose T_own_world_ = identity_pose();
   bool moved_ = false;  // T_own_world_ is not the identity
   std::vector<std::optional<Pose>> corrected_;
+  bool previous_measured_ = false;                   // not lost, and not itself a prediction
+  Pose T_world_feature_previous_ = identity_pose();  // whether it was believed or not
+  bool had_feature_ = false;
   std::vector<PointTrack> tracks_;
   std::vector<Keypoint> keypoints_;
 };

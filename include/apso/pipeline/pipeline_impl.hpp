@@ -105,6 +105,7 @@ auto BasicPipeline<P, M, A, R>::assess(const Keypoints& keypoints, const Tracks&
   input.dynamic_ratio = observation_.dynamic_ratio;
   input.feature_tracking_ok = feature_ok_;
   input.T_world_camera = pose.ok ? &T_world_feature_ : nullptr;  // also one that is refused, so that the assessment says so
+  input.matches = pose.matches;
   report_ = Report{};
   report_.timestamp = work_.frame().timestamp;
   report_.T_world_feature = feature_pose ? pose.T_world_feature : pose.T_world_predicted;
@@ -122,6 +123,7 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
   Pose T_world_camera = feature_ok_ ? T_world_feature_ : T_world_predicted_;
   const bool initialising = report_.state == SceneState::Initialising;
   const bool bad = report_.state == SceneState::Bad;
+  bool confirmed = false;  // by a direct pose, even one that is not believed
   if (bad ? options_.refine != RefinedFrames::None : options_.refine == RefinedFrames::Every) {
     typename R::Input input;
     input.frame = work_.frame();
@@ -143,16 +145,24 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     }
     input.feature_information = feature_information_;
     report_.refinement = refiner_.refine(input, executor);
+    confirmed = feature_ok_ && succeeded(report_.refinement.status) && near_feature(report_.refinement.T_world_direct);
     report_.refined = report_.refinement.refined;
     if (report_.refined) {
       T_world_camera = report_.refinement.T_world_camera;
+      report_.source = !feature_ok_ || !(report_.refinement.w_eff > 0) ? PoseSource::Direct : PoseSource::Joined;
     }
     report_.refinement.T_world_camera = told(report_.refinement.T_world_camera);
     report_.refinement.T_world_direct = told(report_.refinement.T_world_direct);
     if (report_.refined) report_.T_world_direct = from_pose<P>(report_.refinement.T_world_direct);
   }
-  // Without features and without a trusted direct pose nothing was measured: the pose is a guess.
-  if (!feature_ok_ && !report_.refined) report_.state = SceneState::Lost;
+  // Without features and without a trusted direct pose nothing was measured: the pose is a guess. So it is where features contradict
+  // what was expected and nothing confirms them. A guess after a guess is none.
+  if (!report_.refined && (!feature_ok_ || (bad && !confirmed && unexpected()))) {
+    T_world_camera = T_world_predicted_;
+    report_.source = PoseSource::Prediction;
+    if (!feature_ok_ || !previous_measured_) report_.state = SceneState::Lost;
+  }
+  previous_measured_ = report_.source != PoseSource::Prediction;
 
   T_world_camera = normalized(T_world_camera);
   report_.T_world_camera = from_pose<P>(told(T_world_camera));
@@ -170,6 +180,8 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
   T_world_previous_ = T_world_camera;
   previous_timestamp_ = report_.timestamp;
   has_previous_ = true;
+  T_world_feature_previous_ = T_world_feature_;
+  had_feature_ = feature_ok_;
   return report_;
 }
 
@@ -216,6 +228,21 @@ void BasicPipeline<P, M, A, R>::reset() {
   has_previous_ = false;
   T_own_world_ = identity_pose();
   moved_ = false;
+  previous_measured_ = had_feature_ = false;
+}
+
+template <class P, class M, class A, class R>
+bool BasicPipeline<P, M, A, R>::near_feature(const Pose& T_world_camera) const {
+  return motion_distance(T_world_feature_, T_world_camera) < kUnbelievable;
+}
+
+// A feature pose far from the prediction that does not go on as expected from the feature pose before either: a camera that is found again
+// is far from where it was lost.
+template <class P, class M, class A, class R>
+bool BasicPipeline<P, M, A, R>::unexpected() const {
+  if (options_.refine != RefinedFrames::Every || !has_previous_) return false;
+  const Pose motion = compose(inverse(T_world_previous_), T_world_predicted_);
+  return !near_feature(T_world_predicted_) && !(had_feature_ && near_feature(compose(T_world_feature_previous_, motion)));
 }
 
 APSO_NAMESPACE_END

@@ -2,6 +2,9 @@
 /// Everything the pipeline found out about one frame.
 #pragma once
 
+#include <array>
+#include <cstddef>
+
 #include <apso/config.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/quality/assessor.hpp>
@@ -9,6 +12,16 @@
 #include <apso/traits/pose.hpp>
 
 APSO_NAMESPACE_BEGIN
+
+/// Where the final pose of a frame comes from.
+enum class PoseSource {
+  Features,    ///< as the feature tracker gave it
+  Joined,      ///< of features and direct alignment
+  Direct,      ///< direct alignment alone
+  Prediction,  ///< nothing that could be believed: a guess
+};
+constexpr std::array<const char*, 4> enum_names(PoseSource) { return {"features", "joined", "direct", "prediction"}; }
+[[nodiscard]] constexpr const char* to_string(PoseSource s) { return enum_names(s)[static_cast<std::size_t>(s)]; }
 
 /// \tparam PoseT your pose type; the poses inside `refinement` are apso's
 template <class PoseT = Pose, class AssessmentT = Assessment, class RefinementT = Refinement>
@@ -21,6 +34,7 @@ struct BasicFrameReport {
   PoseT T_world_feature = from_pose<PoseT>(identity_pose());  ///< pose of the feature tracker
   PoseT T_world_direct = from_pose<PoseT>(identity_pose());   ///< of direct alignment, if `refined`
   PoseT T_world_camera = from_pose<PoseT>(identity_pose());   ///< final pose; in state Lost only the prediction
+  PoseSource source = PoseSource::Features;                   ///< what T_world_camera comes from
   bool keyframe_allowed = false;  ///< the map may learn from this frame: GOOD, or without features but with a sure direct pose
 };
 using FrameReport = BasicFrameReport<>;

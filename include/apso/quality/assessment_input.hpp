@@ -32,6 +32,7 @@ struct AssessmentInput {
   bool feature_tracking_ok = true;                   ///< did the feature tracker find a pose?
   const Pose* T_world_camera = nullptr;              ///< that pose, if known: one that is not rigid (is_rigid(), e.g. NaN) counts as
                                                      ///< none found; FlowKind::PosePredicted asks for it
+  int matches = -1;                                  ///< points of the map that agree with that pose; -1 = not known
 };
 
 /// A frame in types of yours. Made by assessment_input().
@@ -45,6 +46,7 @@ struct ForeignAssessmentInput {
   std::optional<double> dynamic_ratio{};  ///< [0,1]; by default the mean of the dynamic probability
   bool feature_tracking_ok = true;        ///< did the feature tracker find a pose?
   const Pose* T_world_camera = nullptr;   ///< that pose, as in AssessmentInput
+  int matches = -1;                       ///< points of the map that agree with that pose; -1 = not known
 };
 
 /// What SceneAssessor::assess takes; `none` for what you do not have. Named lists and images must outlive the result,

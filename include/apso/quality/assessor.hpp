@@ -112,6 +112,7 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     c.depth = depth_of(in.frame);
     c.depth_range = o_.depth_range;
     c.T_world_camera = in.T_world_camera;
+    c.matches = in.matches;
     return c;
   }
   void check(const FrameContext& c) const {

@@ -43,6 +43,7 @@ struct FrameContext {
   const std::vector<PointTrack>* tracks = nullptr;   ///< null = none were given
   const std::vector<Detection>* objects = nullptr;   ///< null = none were given; empty = nothing was detected
   const Pose* T_world_camera = nullptr;              ///< pose of the feature tracker; null = not known
+  int matches = -1;                                  ///< of the feature tracker that agree with its pose; -1 = not known
   bool initialising = false;                         ///< there is no reference frame yet
 
   [[nodiscard]] int width() const { return camera.width; }    ///< [px]

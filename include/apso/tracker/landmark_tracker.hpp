@@ -231,6 +231,7 @@ class BasicLandmarkTracker {
     r.inliers = found.inliers;
     r.T_world_predicted = from_pose<PoseT>(T_world_predicted_);
     r.track_inliers = track_inliers_;
+    r.first = map_.living_keyframes() == 0;
     r.relocalised = found.relocalised;
     r.from_tracks = from_tracks_;
     if (ok_ && !from_tracks_) r.information = found.information;

@@ -64,12 +64,16 @@ struct BasicFeatureResult {
   PoseT T_world_camera = from_pose<PoseT>(identity_pose());     ///< the prediction when not ok
   int matches = 0;                                              ///< landmarks paired with keypoints
   int inliers = 0;                                              ///< of them, after optimisation
+  bool first = false;                                           ///< there is no map yet: nothing to match
   PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< constant velocity, or the motion of the tracks where they agree
   int track_inliers = 0;                                        ///< tracks that agree with the predicted motion
   bool relocalised = false;                                     ///< found again among the keyframes
   bool from_tracks = false;                                     ///< the map failed; the pose is the last one moved along the tracks
   Matrix6 information = zeros<Matrix6>();  ///< of the twist that multiplies T_camera_world from the left, translation first;
                                            ///< zero unless the pose is from the map
+
+  /// For FeaturePose::matches: landmarks, or where the map failed tracks, that agree with the pose; -1 without a map.
+  [[nodiscard]] int confirmed_matches() const { return first ? -1 : !ok ? 0 : from_tracks ? track_inliers : inliers; }
 };
 using FeatureResult = BasicFeatureResult<>;
 

@@ -64,6 +64,9 @@ struct FeatureScore {
 /// GOOD frames that the typical response and the typical sharpness are the medians of: 10 s of a 30 Hz camera.
 inline constexpr int kTypicalWindow = 300;
 
+/// Matches that a pose needs to be no worse for their number (ORB-SLAM2): keypoints that match nothing say nothing about the pose.
+inline constexpr int kEnoughMatches = 30;
+
 /// S_feature as a score of a list: what is typical here is learned from the frames that were GOOD.
 struct Feature {
   static constexpr const char* name = "S_feature";
@@ -79,6 +82,7 @@ struct Feature {
     double S_resp = 0;                                          ///< response strength, [0,1]
     double S_unif = 0;                                          ///< uniformity, [0,1]
     double S_sharp = std::numeric_limits<double>::quiet_NaN();  ///< sharpness, [0,1]; NaN without an intensity image
+    double S_match = 1;                                         ///< share of the matches that a pose needs, [0,1]
     double response_reference = 0;                              ///< s_ref, with its floor
     template <class Self, class V>
     static void columns(Self& m, V&& column) {
@@ -87,6 +91,7 @@ struct Feature {
       column("S_resp", m.S_resp);
       column("S_unif", m.S_unif);
       column("S_sharp", m.S_sharp);
+      column("S_match", m.S_match);
       column("sharp_x", m.sharpness.ratio_x);
       column("sharp_y", m.sharpness.ratio_y);
     }
@@ -102,7 +107,9 @@ struct Feature {
     if (options.sharpness) measured.sharpness = measure_sharpness(frame.intensity, scratch_.row);
     if (frame.initialising) learn();
     measured.response_reference = std::max(options.response_floor, responses_.median());
-    const FeatureScore s = feature_score(measured.features, measured.response_reference, options);
+    FeatureScore s = feature_score(measured.features, measured.response_reference, options);
+    if (frame.matches >= 0) measured.S_match = clamp01(static_cast<double>(frame.matches) / kEnoughMatches);
+    s.score = Quality(s.score.value() * measured.S_match);
     measured.S_cnt = s.S_cnt;
     measured.S_resp = s.S_resp;
     measured.S_unif = s.S_unif;
@@ -128,6 +135,7 @@ struct Feature {
     std::string s = std::to_string(m.features.static_keypoints) + " static keypoints in " + std::to_string(m.features.occupied_cells) +
                     " of " + std::to_string(m.features.valid_cells) + " cells";
     if (m.S_sharp < 0.7) s += ", blurred (S_sharp " + two_digits(m.S_sharp) + ')';
+    if (m.S_match < 1) s += ", too few match the map (S_match " + two_digits(m.S_match) + ')';
     if (m.S_resp < 0.7) s += ", weak response " + two_digits(m.features.median_response);
     return s;
   }
