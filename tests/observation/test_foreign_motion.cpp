@@ -118,6 +118,21 @@ TEST_CASE("every policy gives the same on foreign frames, poses and tracks, and 
   same_on_foreign_types(ResidualMotion(c), ResidualMotion(c));
 }
 
+/// Finds an object where the slab moves.
+struct WithObject {
+  GeometricMotion motion;
+  std::vector<Detection> objects = std::vector<Detection>(1);
+  explicit WithObject(const Pinhole& c) : motion(geometric(c)) {
+    objects[0].box = {0, 0, static_cast<float>(c.width), static_cast<float>(c.height)};
+  }
+  void observe(const AnyFrame& frame, const AnyPose& T_prior, const AnyTracks& tracks, DynamicMask& out) {
+    motion.observe(frame, T_prior, tracks, out);
+  }
+  void remember(const AnyFrame& frame, const AnyPose& T, const DynamicMask& mask) { motion.remember(frame, T, mask); }
+  void reset() { motion.reset(); }
+  [[nodiscard]] const std::vector<Detection>& detections() const { return objects; }
+};
+
 TEST_CASE("so do policies around policies, combinations, and policies held behind one type") {
   const Pinhole c = camera();
   MotionOptions few;
@@ -132,6 +147,8 @@ TEST_CASE("so do policies around policies, combinations, and policies held behin
   same_on_foreign_types(refined(), refined());
   same_on_foreign_types(carried(), carried());
   same_on_foreign_types(smooth(), smooth());
+  const auto touching = [&] { return InteractionRule<WithObject>(WithObject(c), c); };
+  same_on_foreign_types(touching(), touching());
   same_on_foreign_types(geometric(c) | ResidualMotion(c), geometric(c) | ResidualMotion(c));
   same_on_foreign_types(geometric(c) * MultiViewDepth(c), geometric(c) * MultiViewDepth(c));
   same_on_foreign_types(geometric(c) & EpipolarMotion(c), geometric(c) & EpipolarMotion(c));

@@ -324,6 +324,17 @@ TEST_CASE("interaction: the object that a moving one touches moves with it, one 
   CHECK(m.probability(80, 160) == 0.0F);
   CHECK(m.probability(260, 160) == 0.0F);
   CHECK(m.probability(10, 10) == 0.0F);
+  // what the inner policy marks keeps its border to the pixel
+  const Told plain = inner;
+  inner = told({101, 41, 59, 150});
+  inner.objects = plain.objects;
+  observe(inner);
+  CHECK(m.probability(180, 160) == 1.0F);
+  CHECK(m.probability(100, 100) == 0.0F);
+  CHECK(m.probability(101, 100) == 1.0F);
+  CHECK(m.probability(130, 40) == 0.0F);
+  CHECK(m.probability(130, 41) == 1.0F);
+  inner = plain;
   // in a box without a mask, what lies behind the object stays
   inner.objects[1].box = {160, 120, 55, 80};
   observe(inner);

@@ -39,12 +39,12 @@ class InteractionRule : public PolicyOperators {
     if (objects.empty()) return;
     reducer_.depth(frame, depth_);
     reduce_mask(out, reducer_.factor(), depth_.width(), depth_.height(), given_, known_);
-    marked_ = given_;
+    added_.assign(depth_.width(), depth_.height(), 0.0F);
     bool changed = false;
     for (const Detection& d : objects) {
       if (d.movable && touched(d)) changed = mark() || changed;
     }
-    if (changed) enlarge_(marked_, known_, reducer_.factor(), reducer_.camera().width, reducer_.camera().height, out);
+    if (changed) add(out);
   }
   void remember(const AnyFrame& frame, const AnyPose& T_world_camera, const DynamicMask& mask) {
     const Pose& T = T_world_camera;
@@ -104,20 +104,33 @@ class InteractionRule : public PolicyOperators {
   bool mark() {
     bool changed = false;
     for (const int i : pixels_) {
-      if (!on_surface(i) || marked_.data()[i] >= 0.5F) continue;
-      marked_.data()[i] = 1.0F;
-      known_.data()[i] = 1;
+      if (!on_surface(i) || given_.data()[i] >= 0.5F) continue;
+      added_.data()[i] = 1.0F;
       changed = true;
     }
     return changed;
+  }
+
+  // What the inner policy marks keeps its border: only the objects come from small images.
+  void add(DynamicMask& out) {
+    known_.assign(depth_.width(), depth_.height(), 0);
+    for (std::size_t i = 0; i < known_.size(); ++i) known_.data()[i] = added_.data()[i] > 0 ? 1 : 0;
+    enlarge_(added_, known_, reducer_.factor(), reducer_.camera().width, reducer_.camera().height, large_);
+    for (std::size_t i = 0; i < out.probability.size(); ++i) {
+      float& p = out.probability.data()[i];
+      const float added = large_.probability.data()[i];
+      if (!(p >= added)) p = added;
+      if (large_.known.data()[i] != 0) out.known.data()[i] = 1;
+    }
   }
 
   Inner inner_;
   FrameReducer reducer_;
   std::vector<PointTrack> tracks_;
   Image<float> depth_;
-  Image<float> given_;   // the mask of the inner policy
-  Image<float> marked_;  // the result
+  Image<float> given_;  // the mask of the inner policy
+  Image<float> added_;  // the objects that are touched
+  DynamicMask large_;   // the same in the size of the frame
   Image<std::uint8_t> known_;
   std::vector<int> pixels_;  // of one object
   std::vector<float> depths_;
