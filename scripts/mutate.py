@@ -2,8 +2,8 @@
 """Mutation score of math/, quality/ and refinement/: small faults are put into their headers, one at a time, and the unit
 tests of the folder must notice.
 
-A mutant exchanges an operator, a comparison, true and false, minimum and maximum, the direction of a count, or leaves out one
-side of a logical operation. All mutants drawn are compiled into the tests at once, each behind a switch that the environment
+A mutant exchanges an operator, a comparison (< by <= of whole numbers, by >= of real ones), true and false, minimum and maximum,
+the direction of a count, or leaves out one side of a logical operation. All mutants drawn are compiled into the tests at once, each behind a switch that the environment
 turns on, so that a mutant costs one run of the tests and no compilation. A mutant is killed when a test fails, crashes or
 does not end; it survives when all tests pass. Mutants that do not compile say nothing about the tests: more are drawn than
 asked for, and the first ones that compile count. Exit code 1 if less than 90 % are killed.
@@ -44,20 +44,27 @@ SWITCHES = """// Switches of the mutants; made by scripts/mutate.py.
 #pragma once
 #include <algorithm>
 #include <cstdlib>
+#include <initializer_list>
+#include <type_traits>
 namespace apso_mutate {
 inline const int active = std::getenv("APSO_MUTANT") != nullptr ? std::atoi(std::getenv("APSO_MUTANT")) : -1;
 constexpr bool on(int id) { return __builtin_is_constant_evaluated() ? false : active == id; }
 // a < lt<id>{} < b is a < b, or a <= b for the mutant
-#define APSO_MUTANT_OF(NAME, OP, OTHER)                                                                              \\
+#define APSO_MUTANT_OF(NAME, OP, OTHER, REAL_OTHER)                                                                  \\
   template <int id> struct NAME {};                                                                                  \\
   template <int id, class T> struct NAME##_left { const T& a; };                                                     \\
   template <class T, int id> constexpr NAME##_left<id, T> operator OP(const T& a, NAME<id>) { return {a}; }          \\
   template <int id, class T, class U> constexpr auto operator OP(NAME##_left<id, T> l, const U& b)->decltype(l.a OP b) { \\
-    if (on(id)) return l.a OTHER b;                                                                                  \\
+    if (on(id)) {                                                                                                    \\
+      if constexpr (std::is_integral_v<T> && std::is_integral_v<U>) return l.a OTHER b;                              \\
+      else return l.a REAL_OTHER b;                                                                                  \\
+    }                                                                                                                \\
     return l.a OP b;                                                                                                 \\
   }
-APSO_MUTANT_OF(lt, <, <=) APSO_MUTANT_OF(le, <=, <) APSO_MUTANT_OF(gt, >, >=) APSO_MUTANT_OF(ge, >=, >) APSO_MUTANT_OF(eq, ==, !=)
-APSO_MUTANT_OF(ne, !=, ==) APSO_MUTANT_OF(add, +, -) APSO_MUTANT_OF(sub, -, +) APSO_MUTANT_OF(mul, *, /) APSO_MUTANT_OF(div, /, *)
+// real numbers are hardly ever equal, so that a bound that belongs to the other side is no fault of theirs
+APSO_MUTANT_OF(lt, <, <=, >=) APSO_MUTANT_OF(le, <=, <, >) APSO_MUTANT_OF(gt, >, >=, <=) APSO_MUTANT_OF(ge, >=, >, <)
+APSO_MUTANT_OF(eq, ==, !=, !=) APSO_MUTANT_OF(ne, !=, ==, ==)
+APSO_MUTANT_OF(add, +, -, -) APSO_MUTANT_OF(sub, -, +, +) APSO_MUTANT_OF(mul, *, /, /) APSO_MUTANT_OF(div, /, *, *)
 // a += negate<id>{} = b
 template <int id> struct negate {
   template <class T> constexpr T operator=(const T& b) const { return on(id) ? static_cast<T>(-b) : b; }
@@ -93,7 +100,7 @@ class Mutant:
         return f"{self.header.relative_to(INCLUDE)}:{self.line + 1}:{self.column + 1}"
 
     def __str__(self):
-        other = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "==", "true": "false", "false": "true", "+": "-",
+        other = {"<": "<= or >=", "<=": "< or >", ">": ">= or <=", ">=": "> or <", "==": "!=", "!=": "==", "true": "false", "false": "true", "+": "-",
                  "-": "+", "*": "/", "/": "*", "+=": "-=", "-=": "+=", "*=": "/=", "/=": "*=", "std::min": "std::max",
                  "std::max": "std::min", "&&": "left side alone", "||": "left side alone"}
         return f"{self.place()}: {self.old} -> {'--' if self.kind == 'count' else other[self.old]}: {self.text}"

@@ -296,6 +296,13 @@ TEST_CASE("yaw alignment keeps gravity: a turn about it is found, a tilt stays a
   const apso::Trajectory shaft = from_points({{1, 1, 0}, {1, 1, 1}, {1, 1, 2}});
   CHECK(apso::ate(shaft, shaft, yaw).status == apso::Status::Degenerate);
   CHECK(apso::ate(shaft, shaft, yaw).statistics.max < 1e-12);
+  // a regular polygon and its mirror image: no turn is better than another, and what rounding leaves is none
+  std::vector<Vector3d> polygon, mirrored;
+  for (int i = 0; i < 7; ++i) {
+    polygon.emplace_back(std::cos(2 * pi * i / 7), std::sin(2 * pi * i / 7), 0);
+    mirrored.emplace_back(std::cos(2 * pi * i / 7), -std::sin(2 * pi * i / 7), 0);
+  }
+  CHECK(apso::ate(from_points(mirrored), from_points(polygon), yaw).status == apso::Status::Degenerate);
   // two positions are enough, one is not
   CHECK(apso::ate(truth, apso::Trajectory(truth.begin(), truth.begin() + 2), yaw).status == apso::Status::Converged);
   CHECK(apso::ate(truth, apso::Trajectory(truth.begin(), truth.begin() + 1), yaw).status == apso::Status::TooFewMatches);

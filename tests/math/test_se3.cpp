@@ -33,6 +33,27 @@ TEST_CASE("log inverts exp from 0 to nearly pi") {
   }
 }
 
+TEST_CASE("exp of small turns, by its series, is the half of it twice") {
+  std::mt19937 rng(5);
+  for (double angle : {1e-7, 1e-4, 0.9e-3, 1.9e-3}) {  // the half of the last is summed as a series, the whole is not
+    CAPTURE(angle);
+    for (int i = 0; i < 20; ++i) {
+      Twist xi = random_twist(rng, angle);
+      xi.head<3>() *= 100;
+      const Pose half = se3_exp(0.5 * xi);
+      CHECK(((half * half).matrix() - se3_exp(xi).matrix()).norm() < 5e-13);
+      CHECK((se3_log(se3_exp(xi)) - xi).norm() < 5e-12);
+    }
+  }
+}
+
+TEST_CASE("the parts of a twist have the lengths of vectors") {
+  Twist xi;
+  xi << 2, 3, 6, 4, 4, 7;
+  CHECK(translation_norm(xi) == 7);
+  CHECK(rotation_norm(xi) == 9);
+}
+
 TEST_CASE("exp agrees with the matrix power series") {
   std::mt19937 rng(3);
   for (double angle : {1e-5, 0.3, 2.0}) {
