@@ -24,8 +24,9 @@ class FaultySource final : public FrameSource {
   static constexpr int first = 40;       ///< frame from which on the fault lasts
   static constexpr int a_few = 10;       ///< frames that are dropped, doubled or in another order
   static constexpr int one_second = 30;  ///< frames, at 30 Hz
+  static constexpr int carried = 45;     ///< frames that are not seen while the camera is carried to another place
   static std::vector<std::string> kinds() {
-    return {"dropped", "doubled", "reordered", "clock-back", "flash", "frozen", "depth-lost", "half-black", "occluded"};
+    return {"dropped", "doubled", "reordered", "clock-back", "flash", "frozen", "depth-lost", "half-black", "occluded", "kidnapped"};
   }
 
   FaultySource(std::unique_ptr<FrameSource> source, std::string kind) : source_(std::move(source)), kind_(std::move(kind)) {
@@ -33,16 +34,26 @@ class FaultySource final : public FrameSource {
     for (int i = 0; i < n; ++i) {
       const bool few = i >= first && i < first + a_few;
       if (few && kind_ == "dropped") continue;
+      if (kind_ == "kidnapped" && i >= first && i < first + carried) continue;
       const bool swapped = few && kind_ == "reordered" && i + 1 - 2 * (i % 2) < n;
       order_.push_back(swapped ? i + 1 - 2 * (i % 2) : i);
       if (few && kind_ == "doubled") order_.push_back(i);
+    }
+    groundtruth_ = source_->groundtruth();
+    if (kind_ == "kidnapped" && n > first + carried) {  // the clock tells nothing of the time in between
+      clock_ = source_->timestamp(first + carried) - source_->timestamp(first);
+      const double gone = source_->timestamp(first) - 1e-6;
+      const auto in_between = [&](const apso::StampedPose& p) { return p.timestamp >= gone && p.timestamp < gone + clock_; };
+      groundtruth_.erase(std::remove_if(groundtruth_.begin(), groundtruth_.end(), in_between), groundtruth_.end());
+      for (apso::StampedPose& p : groundtruth_)
+        if (p.timestamp > gone) p.timestamp -= clock_;
     }
     if (kind_ == "clock-back" && n > 0) clock_ = source_->timestamp(n - 1) - source_->timestamp(0) + 1;
   }
 
   int size() const override { return static_cast<int>(order_.size()); }
   const apso::Pinhole& camera() const override { return source_->camera(); }
-  const apso::Trajectory& groundtruth() const override { return source_->groundtruth(); }
+  const apso::Trajectory& groundtruth() const override { return groundtruth_; }
   const std::vector<std::string>& warnings() const override { return source_->warnings(); }
   std::set<std::string> folders() const override { return source_->folders(); }
   double timestamp(int i) const override { return source_->timestamp(origin(i)) - (faulty(i) ? clock_ : 0); }
@@ -79,14 +90,16 @@ class FaultySource final : public FrameSource {
                         : kind_ == "doubled"   ? 2 * a_few
                         : kind_ == "dropped"   ? 0
                         : kind_ == "reordered" ? a_few
+                        : kind_ == "kidnapped" ? source_->size()
                                                : one_second;
     return i >= first && i - first < lasting;
   }
 
   std::unique_ptr<FrameSource> source_;
   std::string kind_;
+  apso::Trajectory groundtruth_;
   std::vector<int> order_;  ///< frames of the other source, as they come
-  double clock_ = 0;        ///< by which the stamps jump back [s]
+  double clock_ = 0;        ///< by which the stamps of the faulty frames are put back [s]
 };
 
 }  // namespace track

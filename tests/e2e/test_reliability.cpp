@@ -696,6 +696,23 @@ TEST_CASE("faults of cameras, drivers and clocks") {
   }
 }
 
+TEST_CASE("a camera that is carried to another place between two frames is found again, and no pose is far off") {
+  for (const int people : {0, 2}) {
+    CAPTURE(people);
+    const Faulty recording(people);
+    std::vector<int> origin = Faulty::in_order();
+    origin.erase(origin.begin() + Faulty::first, origin.begin() + Faulty::first + 45);
+    const auto all = recording.track("--spoil kidnapped", origin);
+    CHECK(span(all, Faulty::first, 65).error < 0.05);
+    CHECK(span(all, 50, 65).lost == 0);
+    CHECK(span(all, 50, 65).error < 0.02);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      CAPTURE(i);
+      if (all[i].state == "GOOD") CHECK(all[i].error < 0.02);
+    }
+  }
+}
+
 TEST_CASE("half of the image black for a second") {
   const Faulty recording(0);
   const std::vector<int> in_order = Faulty::in_order();
