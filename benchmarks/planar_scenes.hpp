@@ -86,7 +86,7 @@ inline Image8 look_at(const std::vector<Rectangle>& scene, const apso::Pinhole& 
   return out;
 }
 
-enum class Scenery { Stripes, Corridor, Checkerboard, Facade, Wall, Poster };
+enum class Scenery { Stripes, Corridor, Checkerboard, Facade, Wall, Poster, Notice, Curtains };
 
 /// Scenes in front of a camera at the origin that looks along z, y down.
 /// - Stripes: a wall with vertical stripes of any width; up and down is open.
@@ -95,6 +95,8 @@ enum class Scenery { Stripes, Corridor, Checkerboard, Facade, Wall, Poster };
 /// - Facade: a wall of equal windows.
 /// - Wall: bare; three directions are open.
 /// - Poster: a wall with a texture that fixes everything.
+/// - Notice: the checkerboard with a sheet of paper on it, which tells one square from another.
+/// - Curtains: the facade with curtains in a third of its windows, which tell them apart.
 inline std::vector<Rectangle> make_scenery(Scenery kind, std::uint64_t seed) {
   using Eigen::Vector3d;
   apso::testing::Random rng(apso::testing::hash64(seed));
@@ -131,6 +133,34 @@ inline std::vector<Rectangle> make_scenery(Scenery kind, std::uint64_t seed) {
               {Vector3d(half, eye - height, -20), z, y, 60, height, bare()},
               {Vector3d(-half, eye, -20), z, x, 60, 2 * half, bare()},
               {Vector3d(-half, eye - height, -20), z, x, 60, 2 * half, bare()}};
+    }
+    case Scenery::Notice: {
+      std::vector<Rectangle> both = make_scenery(Scenery::Checkerboard, seed);
+      const double left = rng.uniform(-0.5, 0.2), top = rng.uniform(-0.4, 0.1);
+      const Texture squares = both[0].texture;
+      both[0].texture = [squares, left, top, seed](double u, double v) {
+        const double a = u - 10 - left, b = v - 10 - top;
+        if (a < 0 || a > 0.3 || b < 0 || b > 0.21) return squares(u, v);
+        const auto cell = static_cast<std::uint64_t>(a / 0.02) * 64 + static_cast<std::uint64_t>(b / 0.02);
+        return 0.3 + 0.6 * static_cast<double>(apso::testing::hash64(seed * 4096 + cell) % 1000) / 1000;
+      };
+      return both;
+    }
+    case Scenery::Curtains: {
+      std::vector<Rectangle> facade = make_scenery(Scenery::Facade, seed);
+      apso::testing::Random same(apso::testing::hash64(seed));
+      for (int i = 0; i < 4; ++i) (void)same.uniform(0, 1);
+      const double across = same.uniform(0.3, 0.6), up = same.uniform(0.35, 0.7);
+      const Texture windows = facade[0].texture;
+      facade[0].texture = [=](double u, double v) {
+        const double a = u / across - std::floor(u / across), b = v / up - std::floor(v / up);
+        const double grey = windows(u, v);
+        const auto cell = static_cast<std::uint64_t>(u / across) * 256 + static_cast<std::uint64_t>(v / up);
+        const std::uint64_t h = apso::testing::hash64(seed * 65536 + cell);
+        if (h % 3 != 0 || a < 0.25 || a > 0.75 || b < 0.25 || b > 0.7) return grey;
+        return b < 0.25 + 0.45 * static_cast<double>(h / 3 % 1000) / 1000 ? 0.5 : grey;  // drawn to some height
+      };
+      return facade;
     }
     case Scenery::Checkerboard: {
       const double dark = rng.uniform(0.1, 0.3), light = rng.uniform(0.6, 0.9);

@@ -50,7 +50,9 @@ const std::vector<SyntheticSet> kSets{{"rooms", false, 0, {}},
                                       {"corridor", true, 0, pairs::Scenery::Corridor},
                                       {"wall", true, 0, pairs::Scenery::Wall},
                                       {"checkerboard", true, 0, pairs::Scenery::Checkerboard},
-                                      {"facade", true, 0, pairs::Scenery::Facade}};
+                                      {"facade", true, 0, pairs::Scenery::Facade},
+                                      {"notice", true, 0, pairs::Scenery::Notice},
+                                      {"curtains", true, 0, pairs::Scenery::Curtains}};
 
 struct Told {
   double c_dir;
@@ -58,7 +60,7 @@ struct Told {
 };
 
 struct Row {
-  int pairs = 0, right = 0, right_refused = 0, wrong_good = 0, good = 0, open = 0;
+  int pairs = 0, right = 0, right_refused = 0, wrong_good = 0, good = 0, open = 0, ambiguous = 0;
   std::vector<double> normalised;  // squared error over its variance, mean over six directions, of right results
 };
 
@@ -68,7 +70,8 @@ class Judge {
     if (csv.empty()) return;
     file_.open(csv);
     if (!file_) throw std::runtime_error(csv + ": cannot be written");
-    file_ << "set,preset,step,mm,deg,right,c_dir,status,degenerate,valid_share,static_share,correlation,scale_intensity,scale_depth,"
+    file_ << "set,preset,step,mm,deg,right,c_dir,status,degenerate,ambiguous,valid_share,static_share,correlation,scale_intensity,scale_"
+             "depth,"
              "cost,iterations,sigma_mm,sigma_deg,normalised\n";
   }
 
@@ -91,13 +94,14 @@ class Judge {
     row.wrong_good += good && !right ? 1 : 0;
     row.right_refused += right && !good ? 1 : 0;
     row.open += a.degenerate_count > 0 ? 1 : 0;
+    row.ambiguous += a.ambiguous ? 1 : 0;
     told.push_back({c, right});
     if (right && apso::succeeded(a.status)) row.normalised.push_back(normalised);
     if (!file_.is_open()) return;
     const apso::Matrix6& C = a.covariance;
     file_ << set << ',' << preset.name << ',' << p.step << ',' << mm << ',' << degrees << ',' << right << ',' << c << ','
-          << apso::to_string(a.status) << ',' << a.degenerate_count << ',' << a.valid_share << ',' << a.static_share << ',' << a.correlation
-          << ',' << a.scale_intensity << ',' << a.scale_depth << ',' << a.cost << ',' << a.iterations << ','
+          << apso::to_string(a.status) << ',' << a.degenerate_count << ',' << a.ambiguous << ',' << a.valid_share << ',' << a.static_share
+          << ',' << a.correlation << ',' << a.scale_intensity << ',' << a.scale_depth << ',' << a.cost << ',' << a.iterations << ','
           << 1e3 * std::sqrt(C(0, 0) + C(1, 1) + C(2, 2)) << ',' << std::sqrt(C(3, 3) + C(4, 4) + C(5, 5)) / kDegree << ',' << normalised
           << '\n';
   }
@@ -118,16 +122,16 @@ class Judge {
 
 void print_head() {
   std::printf(
-      "| set | preset | pairs | right | called good, of these wrong | right but refused | open directions told | "
-      "normalised error of right results: mean, 95 %% |\n|---|---|---|---|---|---|---|---|\n");
+      "| set | preset | pairs | right | called good, of these wrong | right but refused | open directions told | ambiguity told | "
+      "normalised error of right results: mean, 95 %% |\n|---|---|---|---|---|---|---|---|---|\n");
 }
 void print(const std::string& set, const Preset& preset, Row& r) {
   double mean = 0;
   for (const double n : r.normalised) mean += n / static_cast<double>(r.normalised.size());
   std::sort(r.normalised.begin(), r.normalised.end());
   const double high = r.normalised.empty() ? 0 : r.normalised[r.normalised.size() * 95 / 100];
-  std::printf("| %s | %s | %d | %d | %d, %d | %d | %d | %.2f, %.2f |\n", set.c_str(), preset.name.c_str(), r.pairs, r.right, r.good,
-              r.wrong_good, r.right_refused, r.open, mean, high);
+  std::printf("| %s | %s | %d | %d | %d, %d | %d | %d | %d | %.2f, %.2f |\n", set.c_str(), preset.name.c_str(), r.pairs, r.right, r.good,
+              r.wrong_good, r.right_refused, r.open, r.ambiguous, mean, high);
   std::fflush(stdout);
 }
 // Of the results with about the same c_dir, how many are right; and how well c_dir tells right from wrong.

@@ -153,6 +153,7 @@
 #include <apso/refinement/start/corner_matching.hpp>
 #include <apso/refinement/start/corner_search.hpp>
 #include <apso/refinement/start/orientation_search.hpp>
+#include <apso/refinement/start/repetition_search.hpp>
 #include <apso/refinement/start/rotation_search.hpp>
 #include <apso/refinement/start/start_search.hpp>
 #include <apso/score.hpp>

@@ -68,6 +68,9 @@ void add_align(py::module_& m) {
           "open_directions", [](const Alignment& a) { return a.detail.degenerate_count; },
           "Directions of motion that the images leave open, 0 to 6.")
       .def_property_readonly(
+          "ambiguous", [](const Alignment& a) { return a.detail.ambiguous; },
+          "Whether another motion explains the images as well, because a pattern repeats.")
+      .def_property_readonly(
           "valid_share", [](const Alignment& a) { return a.detail.valid_share; }, "Share of the pixels that were compared, [0, 1].")
       .def_property_readonly(
           "iterations", [](const Alignment& a) { return a.detail.iterations; }, "Iterations over all pyramid levels.")

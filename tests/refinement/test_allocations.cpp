@@ -44,6 +44,29 @@ TEST_CASE("alignment that is warm allocates nothing") {
   }
 }
 
+TEST_CASE("looking for other answers allocates nothing") {
+  Image<float> intensity[2], depth(kCamera.width, kCamera.height);
+  depth.assign(kCamera.width, kCamera.height, 2.0F);
+  for (const int i : {0, 1}) {
+    intensity[i].resize(kCamera.width, kCamera.height);
+    for (int y = 0; y < kCamera.height; ++y) {
+      for (int x = 0; x < kCamera.width; ++x) intensity[i](x, y) = ((x + i) / 12 + y / 12) % 2 == 0 ? 0.2F : 0.8F;
+    }
+  }
+  FramePyramid reference, current;
+  reference.build({0.0, intensity[0], depth}, kCamera);
+  current.build({0.0, intensity[1], depth}, kCamera);
+  DirectAligner aligner;
+  std::vector<AlignmentReference> references{{&reference, Pose::Identity(), 1}};
+  std::vector<Pose> candidates{Pose::Identity()};
+  AlignmentResult result;
+  const auto once = [&] { result = aligner.align(references, current, candidates); };
+  once();
+  const Allocations a = count(once);
+  CHECK(result.ambiguous);
+  CHECK(a.number == 0);
+}
+
 TEST_CASE("reading the images of others allocates nothing: a warm pyramid, and one call of align") {
   const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
   const room::Frame c = room::render(kCamera, kTruth, {true, -.3, .4, 1.5}, 2);

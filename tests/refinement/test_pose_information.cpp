@@ -65,6 +65,21 @@ double patches(double x, double y) {
   return 0.1 + 0.8 * static_cast<double>((h ^ (h >> 16)) & 0xffffU) / 65535.0;
 }
 double stripes(double x, double) { return patches(x, 0.01); }
+double checkerboard(double x, double y) {
+  return (static_cast<int>(std::floor(x / 0.1)) + static_cast<int>(std::floor(y / 0.1))) % 2 == 0 ? 0.2 : 0.75;
+}
+// Equal windows, with or without different curtains.
+double facade(double x, double y) {
+  const double a = x / 0.45 - std::floor(x / 0.45), b = y / 0.5 - std::floor(y / 0.5);
+  if (a < 0.2 || a > 0.8 || b < 0.2 || b > 0.75) return 0.45;
+  return a < 0.25 || a > 0.75 || b < 0.25 || b > 0.7 || std::abs(a - 0.5) < 0.03 ? 0.85 : 0.2;
+}
+double curtains(double x, double y) {
+  const double grey = facade(x, y);
+  const double drawn = patches(0.06 * std::floor(x / 0.45), 0.06 * std::floor(y / 0.5));  // one random number for each window
+  return grey < 0.3 && y / 0.5 - std::floor(y / 0.5) < 0.2 + 0.5 * drawn ? 0.65 : grey;
+}
+double notice(double x, double y) { return std::abs(x - 0.1) < 0.2 && std::abs(y) < 0.15 ? patches(x, y) : checkerboard(x, y); }
 
 const Pose kMotion = [] {
   Twist xi;
@@ -118,6 +133,41 @@ TEST_CASE("errors on a textured wall are as large as the covariance says") {
   }
   CHECK(sum > 0.2);
   CHECK(sum < 2);
+}
+
+TEST_CASE("a pattern that repeats has several answers, and the result says so, however near the guess was") {
+  for (const Brightness& pattern : {Brightness(checkerboard), Brightness(facade)}) {
+    for (const double size : {0.1, 1.0}) {
+      const Pose motion = se3_exp(size * se3_log(kMotion));
+      const PairAlignment<> r = align_views(look_at_wall(kCamera, pattern, motion, 1, 3));
+      REQUIRE(succeeded(r.status));
+      CHECK(r.detail.ambiguous);
+      CHECK(r.confidence < 0.5);
+      CHECK(direct_confidence(r.detail).determined < 0.5);
+      // the other answer is another place of the pattern, along the wall
+      const Eigen::Vector3d apart = translation(r.detail.T_world_camera_other) - translation(r.detail.T_world_camera);
+      CHECK(apart.norm() > 0.13);
+      CHECK(std::abs(kNormal.dot(apart)) < 0.02);
+      CHECK(rotation_angle(compose(inverse(r.detail.T_world_camera_other), r.detail.T_world_camera)) < 0.01);
+    }
+  }
+}
+
+TEST_CASE("who knows the pose is not told of others, and what tells one place of a pattern from another is seen") {
+  const Views v = look_at_wall(kCamera, checkerboard, kMotion, 1, 3);
+  FramePyramid reference, current;
+  reference.build({0.0, v.reference_intensity, v.reference_depth}, kCamera);
+  current.build({0.0, v.intensity, v.depth}, kCamera);
+  DirectAligner aligner;
+  const AlignmentResult near = aligner.align_near({{&reference, Pose::Identity(), 1}}, current, kMotion);
+  CHECK_FALSE(near.ambiguous);
+  CHECK(direct_confidence(near).c_dir > 0.8);
+  for (const Brightness& pattern : {Brightness(notice), Brightness(curtains), Brightness(patches)}) {
+    const PairAlignment<> r = align_views(look_at_wall(kCamera, pattern, kMotion, 1, 3));
+    CHECK_FALSE(r.detail.ambiguous);
+    CHECK(r.confidence > 0.8);
+    CHECK((translation(r.detail.T_world_camera) - translation(kMotion)).norm() < 0.01);
+  }
 }
 
 TEST_CASE("more noise of the image makes a pose less certain") {

@@ -27,6 +27,8 @@ struct AlignmentResult {
   Twist eigenvalues = zeros<Twist>();               ///< of the scaled matrix S of solver/pose_information.hpp, rising
   int degenerate_count = 0;                         ///< open directions: they kept the initial guess, or that from corners
   Matrix6 degenerate_projector = zeros<Matrix6>();  ///< onto those directions, for twists scaled by (1/l, 1), l = median_depth
+  bool ambiguous = false;                           ///< another pose explains the images as well: a pattern that repeats
+  Pose T_world_camera_other = identity_pose();      ///< that pose, where ambiguous
   double median_depth = 0;                          ///< l [m]
   double valid_share = 0;                           ///< valid ones of the pixels that are not masked, at the finest level
   double static_share = 1;                          ///< of the area, by the labels of the regions; 1 without labels

@@ -47,6 +47,7 @@ inline double rising(double x, double zero, double one) {
 inline constexpr double kHalfRightSigma = 0.00374;
 inline constexpr double kCorrelationNone = 0.4, kCorrelationFull = 0.7;
 inline constexpr double kMaxIterationsFactor = 0.5;
+inline constexpr double kAmbiguousFactor = 1.0 / 3;  // a pattern that repeats to one side repeats to the other: three answers at least
 }  // namespace detail
 
 /// The probability that a result is right falls with the standard deviation sigma of the direction that is known worst:
@@ -61,6 +62,7 @@ inline constexpr double kMaxIterationsFactor = 0.5;
   c.precise = 1 / (1 + variance / (kHalfRightSigma * kHalfRightSigma));
   c.agreement = rising(r.correlation, kCorrelationNone, kCorrelationFull);
   if (r.status == Status::MaxIterations) c.agreement *= kMaxIterationsFactor;
+  if (r.ambiguous) c.agreement *= kAmbiguousFactor;
   c.determined = c.precise * c.agreement;
   c.c_dir = r.degenerate_count > 0 ? 0.0 : c.determined;
   return c;

@@ -174,6 +174,22 @@ class AlignmentCost : public CostTerms {
     return weigh(T_camera_world, executor);
   }
 
+  /// Share of the tiles that both poses show in which T_other explains a fifth of the pixels less than T, by the same bounded cost; 1 if
+  /// they show nothing in common. What is seen at another distance or angle differs a little everywhere, another thing much in its place.
+  [[nodiscard]] double contradicted_tiles(int level, const Pose& T_other, const Pose& T, const ExecutorRef& executor) {
+    enter(level);
+    estimate_scales(T, kScaleSamples, 0, executor);  // for the brightness
+    judge(T, kAccepted, executor);
+    judge(T_other, kTrial, executor);
+    int seen = 0;
+    int contradicted = 0;
+    for (std::size_t k = 0; k < used_; ++k) {
+      const CostTerm& t = terms_[k];
+      t.count_contradicted(t.scales.charge(kernel_), 0.2 * outlier_cost(), seen, contradicted);
+    }
+    return seen > 0 ? static_cast<double>(contradicted) / seen : 1.0;
+  }
+
   static constexpr int kScaleSamples = 1024;  ///< pixels looked at for the scale
   static constexpr int kSharedTiles = 3;      ///< every third tile, of 20 in a row: spread over all columns
 
@@ -188,19 +204,24 @@ class AlignmentCost : public CostTerms {
                   rows_of_current);
   }
 
-  // At the level that was entered, with the brightness as it is.
-  Evidence weigh(const Pose& T_camera_world, const ExecutorRef& executor) {
+  // Bounded costs at one scale for all poses.
+  void judge(const Pose& T_camera_world, Buffer buffer, const ExecutorRef& executor) {
     set_scales(0.5);
     kernel_ = KernelRef(judge_);
-    sum_cost(T_camera_world, kTrial, executor);
-    const double outlier = 0.5 * judge_.k * judge_.k;
+    sum_cost(T_camera_world, buffer, executor);
+  }
+  [[nodiscard]] double outlier_cost() const { return 0.5 * judge_.k * judge_.k; }
+
+  // At the level that was entered, with the brightness as it is.
+  Evidence weigh(const Pose& T_camera_world, const ExecutorRef& executor) {
+    judge(T_camera_world, kTrial, executor);
     double against = 0;
     double seen = 0;
     double all = 0;
     for (std::size_t k = 0; k < used_; ++k) {
       const CostTerm& t = terms_[k];
       const CostTerm::OverSurface o = t.over_surface(kTrial, t.scales.charge(kernel_));
-      against += o.cost / outlier;
+      against += o.cost / outlier_cost();
       seen += o.seen;
       all += o.all;
     }

@@ -110,6 +110,25 @@ struct CostTerm {
       squares += s * s;
     }
   }
+  /// Counts the tiles that are mostly seen at both poses, and those that the pose on trial contradicts.
+  /// \param charge cost of a lost pixel of weight 1
+  /// \param more by how much a seen pixel has to cost more on trial than accepted
+  void count_contradicted(double charge, double more, int& seen, int& contradicted) const {
+    for (std::size_t i = 0; i < sums[0].size(); ++i) {
+      double mean[2];
+      bool both = true;
+      for (const std::size_t buffer : {0U, 1U}) {
+        const TileSums& s = sums[buffer][i];
+        const auto lost = static_cast<double>(s.lost);
+        const double here = static_cast<double>(s.weight) - scales.both() * lost;
+        both = both && here > 0.5 * static_cast<double>(s.weight);
+        mean[buffer] = both ? std::max(0.0, static_cast<double>(s.cost) - charge * lost) / here : 0.0;
+      }
+      if (!both) continue;
+      ++seen;
+      if (mean[1] - mean[0] > more) ++contradicted;
+    }
+  }
   /// Sums in which a tile counts by the surface that it shows, depth^2.
   struct OverSurface {
     double cost = 0;  ///< of what is seen

@@ -23,6 +23,7 @@
 #include <apso/refinement/solver/degeneracy.hpp>
 #include <apso/refinement/solver/level_solver.hpp>
 #include <apso/refinement/solver/pose_information.hpp>
+#include <apso/refinement/start/repetition_search.hpp>
 #include <apso/refinement/start/rotation_search.hpp>
 #include <apso/refinement/start/start_search.hpp>
 #include <apso/status.hpp>
@@ -79,6 +80,7 @@ class AlignerCore {
   static constexpr double kCorrelated = 0.9;    // correlation of the intensities of right poses
   static constexpr double kUncorrelated = 0.3;  // intensities of both images that agree less are NoOverlap
   static constexpr int kPrealignIterations = 15;
+  static constexpr double kContradicted = 0.01;  // share of tiles that may contradict a pose that explains the images as well
 
   // Near: the only candidate is known to be near the truth, and no other start is tried.
   AlignmentResult descend(const std::vector<AlignmentReference>& references, const FramePyramid& current,
@@ -103,8 +105,8 @@ class AlignerCore {
         searched = true;
       }
     }
-    result.iterations = solver_.iterations;
     finish(T_guess, origin, result, executor);
+    if (!near && succeeded(result.status) && result.degenerate_count == 0) look_for_repetition(origin, result, executor);
     return result;
   }
 
@@ -283,6 +285,26 @@ class AlignerCore {
     r.status = r.degenerate_count > 0 ? Status::Degenerate : (solver_.converged ? Status::Converged : Status::MaxIterations);
   }
 
+  // Whether another pose explains the images as well. Not asked where a direction is open, along which all poses do.
+  void look_for_repetition(const Origin& origin, AlignmentResult& r, const ExecutorRef& executor) {
+    const Pose T = inverse(r.T_world_camera);
+    const RepetitionSearch::Found found = repetition_search_(cost_, T);
+    for (std::size_t i = 0; i < found.count && !r.ambiguous; ++i) {
+      const int coarsest = found.best[i].level;
+      solver_.T = found.best[i].T_camera_world;
+      bool alike = true;
+      for (int level = coarsest; level >= std::max(0, coarsest - 2) && alike; --level) {
+        alike = succeeded(solver_.solve(cost_, level, origin.ratio, executor));
+        const Twist e = se3_log(compose(solver_.T, inverse(T)));
+        const double apart = std::max(translation_norm(e) / r.median_depth, rotation_norm(e));
+        alike = alike && apart * cost_.current(coarsest).camera.fx > 2;  // [px]: less is the same pose
+        if (alike && (level < coarsest || level == 0)) alike = cost_.contradicted_tiles(level, solver_.T, T, executor) <= kContradicted;
+      }
+      r.ambiguous = alike;
+      if (alike) r.T_world_camera_other = normalized(inverse(solver_.T));
+    }
+  }
+
   // A result that is pixels away from the guess and explains the images worse. Within the reach of a few pixels the two costs
   // differ by noise and by what the references disagree on: a good guess may well come out ahead there, and the result is no
   // worse for it.
@@ -298,6 +320,7 @@ class AlignerCore {
   LevelSolver solver_;
   RotationSearch rotation_search_;
   StartSearch start_search_;
+  RepetitionSearch repetition_search_;
   KernelRef kernel_;
   NoiseRef noise_;
   bool adaptive_ = false;
