@@ -26,9 +26,10 @@ INCLUDE = ROOT / "include"
 FOLDERS = {"math": ["math", "evaluation"], "quality": ["quality"], "refinement": ["refinement"]}  # and where their tests are
 LEAST = 90  # per cent
 SPARE = 1.4  # mutants drawn for each that is wanted
-ENDLESS = 10  # times the processor time of the tests without a mutant: an endless loop
+ENDLESS = 3  # times the processor time of the tests without a mutant: an endless loop
 ASLEEP = 5  # times that limit in wall time: tests that wait for ever use no processor
-LEAST_SECONDS = 20  # of processor time, however quick the tests are
+LEAST_SECONDS = 10  # of processor time, however quick the tests are
+SLOW_SECONDS = 1  # a test that takes longer is run when all others have passed
 MEMORY = 6 << 30  # bytes
 # what the operators become: a type of SWITCHES, written between the operator and a second one
 BINARY = {"<": "lt", "<=": "le", ">": "gt", ">=": "ge", "==": "eq", "!=": "ne", "+": "add", "-": "sub", "*": "mul", "/": "div"}
@@ -203,31 +204,37 @@ class Tests:
         self.program = self.scratch / "tests"
         subprocess.run([self.linker, *objects, main, "-o", self.program, "-pthread", "-lopencv_core", "-lopencv_imgproc", "-lyaml-cpp"],
                        check=True)
-        self.cpu_seconds = 3600
+        self.cpu_seconds, self.slow = 3600, ""
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         if self.run(-1) != "":
             sys.exit(f"{self.folder}: the tests fail without any mutant")
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         self.cpu_seconds = math.ceil(max(LEAST_SECONDS, ENDLESS * used))
+        times = re.findall(r"^([0-9.]+) s: (.*)$", self.start(-1, "--duration=true").stdout, re.M)
+        self.slow = ",".join(name.replace(",", "?") for seconds, name in times if float(seconds) > SLOW_SECONDS)
         print(f"  tests without a mutant: {used:.1f} s; a mutant has {self.cpu_seconds} s", flush=True)
 
-    def run(self, number):
-        """What killed the mutant; empty if nothing did."""
+    def start(self, number, *options):
+        """The tests with one mutant, ended; raises TimeoutExpired."""
         def limits():
             resource.setrlimit(resource.RLIMIT_CPU, (self.cpu_seconds, self.cpu_seconds + 5))
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        environment = {**os.environ, "APSO_MUTANT": str(number)}
-        try:
-            done = subprocess.run([self.program, "--abort-after=1", "--no-colors"], env=environment, preexec_fn=limits,
-                                  capture_output=True, text=True, errors="replace", timeout=ASLEEP * self.cpu_seconds)
-        except subprocess.TimeoutExpired:
-            return "no end"
-        if done.returncode == 0:
-            return ""
-        named = re.search(r"TEST CASE: +(.*)", done.stdout)
-        return named.group(1)[:70] if named else f"no end or a crash ({done.returncode})"
+        return subprocess.run([self.program, "--abort-after=1", "--no-colors", *options], env={**os.environ, "APSO_MUTANT": str(number)},
+                              preexec_fn=limits, capture_output=True, text=True, errors="replace", timeout=ASLEEP * self.cpu_seconds)
+
+    def run(self, number):
+        """What killed the mutant; empty if nothing did. Slow tests come last."""
+        for options in [[f"--test-case-exclude={self.slow}"], [f"--test-case={self.slow}"]] if self.slow else [[]]:
+            try:
+                done = self.start(number, *options)
+            except subprocess.TimeoutExpired:
+                return "no end"
+            if done.returncode != 0:
+                named = re.search(r"TEST CASE: +(.*)", done.stdout)
+                return named.group(1)[:70] if named else f"no end or a crash ({done.returncode})"
+        return ""
 
 
 def interval(killed, n):

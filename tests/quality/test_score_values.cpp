@@ -404,23 +404,26 @@ TEST_CASE("an object is seen best in the middle, whole, and neither small nor ne
   CHECK(spatial_score({box(80, 80, 40, 40), box(500, 500, 5, 5), fixed}, 200, 200, o)->value() == Approx(0.5).epsilon(1e-3));
 }
 
-TEST_CASE("the affine flow of most points is not drawn away by the others") {
-  Random random(8);
+TEST_CASE("the affine flow of most points is not drawn away by the others, whichever way these move") {
   std::vector<Correspondence> matches;
-  for (int i = 0; i < 200; ++i) {
-    const double x = uniform(random, 0, 640), y = uniform(random, 0, 480);
-    double u = x + 3 + 0.01 * x - 0.02 * y;
-    double v = y - 2 + 0.015 * x + 0.005 * y;
-    if (i % 5 == 0) u += 40, v += 25;
-    matches.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(u), static_cast<float>(v)});
+  for (const bool along_x : {true, false}) {
+    Random random(8);
+    matches.clear();
+    for (int i = 0; i < 200; ++i) {
+      const double x = uniform(random, 0, 640), y = uniform(random, 0, 480);
+      double u = x + 3 + 0.01 * x - 0.02 * y;
+      double v = y - 2 + 0.015 * x + 0.005 * y;
+      if (i % 5 == 0) (along_x ? u : v) += 40;
+      matches.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(u), static_cast<float>(v)});
+    }
+    const Eigen::Matrix<double, 2, 3> A = affine_flow(matches);
+    CHECK(A(0, 2) == Approx(3).epsilon(0.05));
+    CHECK(A(1, 2) == Approx(-2).epsilon(0.05));
+    CHECK(A(0, 0) == Approx(0.01).epsilon(0.05));
+    CHECK(A(0, 1) == Approx(-0.02).epsilon(0.05));
+    CHECK(A(1, 0) == Approx(0.015).epsilon(0.05));
+    CHECK(A(1, 1) == Approx(0.005).epsilon(0.05));
   }
-  const Eigen::Matrix<double, 2, 3> A = affine_flow(matches);
-  CHECK(A(0, 2) == Approx(3).epsilon(0.05));
-  CHECK(A(1, 2) == Approx(-2).epsilon(0.05));
-  CHECK(A(0, 0) == Approx(0.01).epsilon(0.05));
-  CHECK(A(0, 1) == Approx(-0.02).epsilon(0.05));
-  CHECK(A(1, 0) == Approx(0.015).epsilon(0.05));
-  CHECK(A(1, 1) == Approx(0.005).epsilon(0.05));
   matches.resize(5);
   CHECK(affine_flow(matches).isZero());
   matches.assign(6, {1, 2, 4, 6});  // one place: what it moves by
@@ -549,6 +552,19 @@ TEST_CASE("the scale of flows is that of the baseline") {
   CHECK(score(Context{before, now, camera, ChangeBaseline::Reference}).has_value());
   CHECK(score.measured.tracks == 5);
   CHECK(score.measured.reference_points == 25);
+  CHECK(MotionChange::reason(Deviation(0), score.measured) == "20 % of the reference's 25 points tracked");
+  // either frame may lack what is compared
+  for (MotionChange::Memory* lacking : {&before, &now}) {
+    lacking->present = false;
+    CHECK_FALSE(score(Context{before, now, camera, ChangeBaseline::Reference}).has_value());
+    lacking->present = true;
+  }
+  score.options.flow = FlowKind::PosePredicted;
+  for (MotionChange::Memory* posed : {&before, &now}) {
+    posed->has_pose = true;
+    CHECK_FALSE(score(Context{before, now, camera, ChangeBaseline::Reference}).has_value());
+    posed->has_pose = false;
+  }
 }
 
 TEST_CASE("a feature score without static keypoints knows no response") {
@@ -570,6 +586,16 @@ TEST_CASE("hard and other frames count the same in the loss of a calibration, ho
   const auto w = fit_weights(samples, o.frame_weights, o.change_weights, o.decision);
   CHECK(w.loss_before == Approx(2 * std::log1p(std::exp(-1.))).epsilon(1e-6));
   CHECK(w.steps == 0);  // no weight changes the only score there is
+}
+
+TEST_CASE("the threshold as printed begins at its first value and falls from the second frame on") {
+  InitialisationOptions o;
+  o.quality_threshold = QualityThreshold::Literal;
+  AdaptiveThresholds t(o);
+  t.next(1, -1);
+  CHECK(t.quality() == o.quality);
+  t.next(2, -1);
+  CHECK(t.quality() == Approx(0.5 * 0.7 * std::log(15.)));
 }
 
 TEST_CASE("a search for a reference goes step by step") {
