@@ -128,6 +128,30 @@ struct PolicyOperators {
   }
 };
 
+namespace detail {
+// Base of the policies around another one, `inner_`: what the outer one does not do itself, the inner one does.
+template <class Inner>
+class PolicyAround : public PolicyOperators {
+ public:
+  void remember(const AnyFrame& frame, const AnyPose& T_world_camera, const DynamicMask& mask) {
+    const Pose& T = T_world_camera;
+    inner_.remember(frame, T, mask);
+  }
+  void reset() { inner_.reset(); }
+  [[nodiscard]] const std::vector<Detection>& detections() const { return detections_of(inner_); }
+
+ protected:
+  explicit PolicyAround(Inner inner) : inner_(std::move(inner)) { check_motion_policy<Inner>(); }
+  void observe_inner(const AnyFrame& frame, const Pose& T_world_camera_prior, const AnyTracks& tracks, DynamicMask& out) {
+    inner_.observe(frame, T_world_camera_prior, tracks.in(tracks_), out);
+  }
+  Inner inner_;
+
+ private:
+  std::vector<PointTrack> tracks_;
+};
+}  // namespace detail
+
 /// Sees nothing: everything is unknown.
 class NoMotion : public PolicyOperators {
  public:

@@ -74,19 +74,21 @@ struct DepthRefinedMaskOptions {
 /// what a mask misses of a surface is added. Pixels without depth stay as the inner policy has them, unless the object
 /// is only a box: then they go with what surrounds them.
 template <class Inner>
-class DepthRefinedMask : public PolicyOperators {
+class DepthRefinedMask : public detail::PolicyAround<Inner> {
+  using Around = detail::PolicyAround<Inner>;
+  using Around::inner_;
+
  public:
   using Options = DepthRefinedMaskOptions;
 
   DepthRefinedMask(Inner inner, const Pinhole& camera, const DepthRefinedMaskOptions& options = {})
-      : inner_(std::move(inner)), options_(options), reducer_(camera, kMotionWidth, options.depth) {
-    check_motion_policy<Inner>();
+      : Around(std::move(inner)), options_(options), reducer_(camera, kMotionWidth, options.depth) {
     validate(options, "depth_refined_mask");
   }
 
   void observe(const AnyFrame& frame, const AnyPose& T_world_camera_prior, const AnyTracks& tracks, DynamicMask& out) {
     const Pose& prior = T_world_camera_prior;
-    inner_.observe(frame, prior, tracks.in(tracks_), out);
+    Around::observe_inner(frame, prior, tracks, out);
     reducer_.depth(frame, depth_);
     const int w = depth_.width();
     const int h = depth_.height();
@@ -100,12 +102,6 @@ class DepthRefinedMask : public PolicyOperators {
     if (objects.empty()) refine_regions();
     write(out);
   }
-  void remember(const AnyFrame& frame, const AnyPose& T_world_camera, const DynamicMask& mask) {
-    const Pose& T = T_world_camera;
-    inner_.remember(frame, T, mask);
-  }
-  void reset() { inner_.reset(); }
-  [[nodiscard]] const std::vector<Detection>& detections() const { return detections_of(inner_); }
 
  private:
   static constexpr double kBin = 0.1;         // width of a bin of the depth histogram of an object [m]
@@ -223,10 +219,8 @@ class DepthRefinedMask : public PolicyOperators {
     enlarge_(refined_, known_, reducer_.factor(), reducer_.camera().width, reducer_.camera().height, out);
   }
 
-  Inner inner_;
   DepthRefinedMaskOptions options_;
   FrameReducer reducer_;
-  std::vector<PointTrack> tracks_;
   Image<float> depth_;
   Image<float> given_;
   Image<float> refined_;

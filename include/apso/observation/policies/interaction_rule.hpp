@@ -25,16 +25,17 @@ APSO_NAMESPACE_BEGIN
 /// moves, the bag that a person carries. For policies that leave out what can move but rests, such as `boxes & geometric`. What is
 /// touched by an object that was only marked here is not marked.
 template <class Inner>
-class InteractionRule : public PolicyOperators {
+class InteractionRule : public detail::PolicyAround<Inner> {
+  using Around = detail::PolicyAround<Inner>;
+  using Around::inner_;
+
  public:
   using Options = NoOptions;
 
-  InteractionRule(Inner inner, const Pinhole& camera) : inner_(std::move(inner)), reducer_(camera, kMotionWidth, kAnyDepth) {
-    check_motion_policy<Inner>();
-  }
+  InteractionRule(Inner inner, const Pinhole& camera) : Around(std::move(inner)), reducer_(camera, kMotionWidth, kAnyDepth) {}
   void observe(const AnyFrame& frame, const AnyPose& T_world_camera_prior, const AnyTracks& tracks, DynamicMask& out) {
     const Pose& prior = T_world_camera_prior;
-    inner_.observe(frame, prior, tracks.in(tracks_), out);
+    Around::observe_inner(frame, prior, tracks, out);
     const std::vector<Detection>& objects = detections_of(inner_);
     if (objects.empty()) return;
     reducer_.depth(frame, depth_);
@@ -46,12 +47,6 @@ class InteractionRule : public PolicyOperators {
     }
     if (changed) add(out);
   }
-  void remember(const AnyFrame& frame, const AnyPose& T_world_camera, const DynamicMask& mask) {
-    const Pose& T = T_world_camera;
-    inner_.remember(frame, T, mask);
-  }
-  void reset() { inner_.reset(); }
-  [[nodiscard]] const std::vector<Detection>& detections() const { return detections_of(inner_); }
 
  private:
   static constexpr DepthRange kAnyDepth{0.05F, 100.0F};  // [m]
@@ -124,9 +119,7 @@ class InteractionRule : public PolicyOperators {
     }
   }
 
-  Inner inner_;
   FrameReducer reducer_;
-  std::vector<PointTrack> tracks_;
   Image<float> depth_;
   Image<float> given_;  // the mask of the inner policy
   Image<float> added_;  // the objects that are touched

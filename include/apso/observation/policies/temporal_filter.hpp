@@ -19,17 +19,17 @@ APSO_NAMESPACE_BEGIN
 
 /// Smooths the mask of another policy over time: single frames with and without a mark go.
 template <class Inner>
-class TemporalFilter : public PolicyOperators {
+class TemporalFilter : public detail::PolicyAround<Inner> {
+  using Around = detail::PolicyAround<Inner>;
+
  public:
   using Options = TemporalFilterOptions;
 
   TemporalFilter(Inner inner, const Pinhole& camera, const TemporalFilterOptions& options = {})
-      : inner_(std::move(inner)), reducer_(camera, kMotionWidth, kAnyDepth), evidence_(options) {
-    check_motion_policy<Inner>();
-  }
+      : Around(std::move(inner)), reducer_(camera, kMotionWidth, kAnyDepth), evidence_(options) {}
   void observe(const AnyFrame& frame, const AnyPose& T_world_camera_prior, const AnyTracks& tracks, DynamicMask& out) {
     const Pose& prior = T_world_camera_prior;
-    inner_.observe(frame, prior, tracks.in(tracks_), out);
+    Around::observe_inner(frame, prior, tracks, out);
     const double dt = clock_.tick(frame.timestamp);
     reducer_.depth(frame, depth_);
     const Pinhole& small = reducer_.small();
@@ -39,25 +39,22 @@ class TemporalFilter : public PolicyOperators {
   }
   void remember(const AnyFrame& frame, const AnyPose& T_world_camera, const DynamicMask& mask) {
     const Pose& T = T_world_camera;
-    inner_.remember(frame, T, mask);
+    Around::remember(frame, T, mask);
     evidence_.correct(T);
   }
   void reset() {
-    inner_.reset();
+    Around::reset();
     evidence_.reset();
     clock_ = {};
   }
-  [[nodiscard]] const std::vector<Detection>& detections() const { return detections_of(inner_); }
 
  private:
   static constexpr DepthRange kAnyDepth{0.05F, 100.0F};  // [m]; depth only says which surface a pixel shows
 
-  Inner inner_;
   FrameReducer reducer_;
   TemporalEvidence evidence_;
   FrameClock clock_;
   MaskEnlarger enlarge_;
-  std::vector<PointTrack> tracks_;
   Image<float> depth_;
   Image<float> probability_;
   Image<std::uint8_t> known_;
