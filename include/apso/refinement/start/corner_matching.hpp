@@ -77,6 +77,11 @@ class CornerMatcher {
     const int h = level.intensity.height();
     out.pixels.clear();
     out.patches.clear();
+    if (choice == Choice::All) {  // at once what an image full of corners takes, so that a long run does not grow by its busiest frame
+      const auto most = static_cast<std::size_t>(std::max(0, w - kSide)) * static_cast<std::size_t>(std::max(0, h - kSide));
+      out.pixels.reserve(most);
+      out.patches.reserve((most + kLanes) * kPatch);
+    }
     for (int y0 = kHalf; y0 + cell <= h - kHalf; y0 += cell) {
       for (int x0 = kHalf; x0 + cell <= w - kHalf; x0 += cell) {
         float best = kMinCornerness;
