@@ -13,9 +13,8 @@
 ///   const auto prior = tracker.estimate(pipeline.observation().mask.probability);    // with what moved last
 ///   const auto& seen = pipeline.observe(now, prior.T_world_camera, tracks);          // 1. what moves?
 ///   const auto pose = tracker.estimate(seen.mask.probability);                       //    a pose without it
-///   pipeline.assess(keypoints, tracks, {pose.T_world_camera, pose.T_world_predicted, pose.ok, pose.information,
-///   pose.confirmed_matches()});
-///                                                                                    // 2. can it be trusted?
+///   pipeline.assess(keypoints, tracks,                                               // 2. can it be trusted?
+///                   {pose.T_world_camera, pose.T_world_predicted, pose.ok, pose.information, pose.confirmed_matches()});
 ///   const auto& report = pipeline.conclude();                                        // 3. the refined pose
 ///   tracker.commit(report.T_world_camera, seen.mask.probability, report.keyframe_allowed);
 ///   use(report.T_world_camera);   // report.state: Good, Bad, Lost (then the pose is only a prediction), Initialising
