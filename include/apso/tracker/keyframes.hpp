@@ -80,6 +80,11 @@ inline int new_keyframe(const Pinhole& camera, const WeightedFeatures& features,
   return k;
 }
 
+/// Deviation of a depth measurement in the adjustment, as a multiple of that of a single one. A depth camera's errors have a part that
+/// neighbouring pixels and frames from nearby places share (calibration, registration to the colours), so that many measurements together
+/// say less than if they were independent. With 1 they bend the path; 1.5 to 3 measure alike (docs/quality.md, "What was tried").
+inline constexpr double kSharedDepthError = 2;
+
 /// Refines the last keyframes and what they see; keyframes outside the window that see the same stay fixed. The map stays as
 /// it is when the adjustment fails.
 /// \param window how many keyframes are refined
@@ -118,6 +123,7 @@ inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves,
       AdjustmentProblem::View view;
       view.pose = pose_of[map.slot(v.keyframe)];
       view.observation = observation_of(map.keyframe(v.keyframe).features, v.feature, landmark.point, 1.0F, octaves);
+      view.observation.inverse_depth_sigma *= kSharedDepthError;
       problem.views.push_back(view);
       ++point.count;
     }
