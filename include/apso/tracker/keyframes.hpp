@@ -82,7 +82,7 @@ inline int new_keyframe(const Pinhole& camera, const WeightedFeatures& features,
 
 /// Deviation of a depth measurement in the adjustment, as a multiple of that of a single one. A depth camera's errors have a part that
 /// neighbouring pixels and frames from nearby places share (calibration, registration to the colours), so that many measurements together
-/// say less than if they were independent. With 1 they bend the path; 1.5 to 3 measure alike (docs/quality.md, "What was tried").
+/// say less than if they were independent. With 1 they bend the path, 2 and 3 measure alike (docs/tracker.md).
 inline constexpr double kSharedDepthError = 2;
 
 /// Refines the last keyframes and what they see; keyframes outside the window that see the same stay fixed. The map stays as
