@@ -3,6 +3,8 @@
 #include <doctest/doctest.h>
 
 #include <apso/refinement/align.hpp>
+#include <apso/refinement/cost/alignment_cost.hpp>
+#include <apso/refinement/pyramid/pyramid.hpp>
 
 #include "room.hpp"
 
@@ -75,6 +77,36 @@ TEST_CASE("a changed brightness is found and does not matter") {
   CHECK(static_cast<double>(with.detail.illumination.offset) == doctest::Approx(-.05).epsilon(.2).scale(0));
   CHECK(error_of(with) < .002);
   CHECK(error_of(with) < error_of(without));
+}
+
+TEST_CASE("the brightness of a few pixels is not believed") {
+  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
+  room::Frame c = room::render(kCamera, Pose::Identity(), {}, 2);
+  for (std::size_t i = 0; i < c.intensity.size(); ++i) c.intensity.data()[i] *= 1.2F;
+  const RobustKernel kernel;
+  const NoiseModel noise;
+  PyramidOptions full;
+  full.finest = 0;
+  FramePyramid current;
+  current.build(c.view(), kCamera, {}, full);
+  for (const int side : {8, 60}) {  // of the square that has depth: a border of two pixels is not compared, so that 16 are, and enough
+    room::Frame part = r;
+    part.depth.assign(kCamera.width, kCamera.height, 0.0F);
+    for (int y = 100; y < 100 + side; ++y) {
+      for (int x = 150; x < 150 + side; ++x) part.depth(x, y) = r.depth(x, y);
+    }
+    FramePyramid reference;
+    reference.build(part.view(), kCamera, {}, full);
+    AlignmentCost cost{AlignmentOptions{}};
+    REQUIRE(cost.begin({{&reference, Pose::Identity(), 1}}, current, KernelRef(kernel), NoiseRef(noise), false));
+    cost.enter(0);
+    cost.estimate_scales(Pose::Identity(), AlignmentCost::kScaleSamples, 0, SerialExecutor{});
+    cost.sum(Pose::Identity(), AlignmentCost::kAccepted, SerialExecutor{});
+    CHECK(cost.counts().valid > 8);
+    AlignmentResult result;
+    cost.report_scales(result);
+    CHECK(static_cast<double>(result.illumination.gain) == doctest::Approx(side == 8 ? 1.0 : 1.2).epsilon(side == 8 ? 1e-9 : .03));
+  }
 }
 
 TEST_CASE("a moving body does not pull the pose when nobody says that it moves") {

@@ -160,6 +160,12 @@ TEST_CASE("memory keeps the recent frames and selects the nearest") {
   CHECK(s.ids.size() == 1);
   memory.select(5, room::pose(50, 0, 0, 0, 0, 0), d, s);  // the latest in time
   CHECK(s.far_reference);
+  Pose none = Pose::Identity();
+  none.translation().x() = std::nan("");
+  memory.select(5, none, d, s);  // near to nothing: again the latest
+  CHECK(s.far_reference);
+  REQUIRE(s.ids.size() == 1);
+  CHECK(s.ids[0] == 4);
   memory.select(50, room::pose(50, 0, 0, 0, 0, 0), d, s);
   CHECK(s.references.empty());
   CHECK_FALSE(memory.correct(0, Pose::Identity()));

@@ -153,6 +153,16 @@ TEST_CASE("a pattern that repeats has several answers, and the result says so, h
   }
 }
 
+TEST_CASE("patterns are found in images that are higher than wide") {
+  const Pinhole portrait{262.5, 262.5, 119.5, 159.5, 240, 320};
+  for (const Brightness& pattern : {Brightness(checkerboard), Brightness(facade)}) {
+    const Views v = look_at_wall(portrait, pattern, kMotion, 1, 3);
+    const PairAlignment<> r = align(v.reference_intensity, v.reference_depth, v.intensity, v.depth, portrait);
+    REQUIRE(succeeded(r.status));
+    CHECK(r.detail.ambiguous);
+  }
+}
+
 TEST_CASE("who knows the pose is not told of others, and what tells one place of a pattern from another is seen") {
   const Views v = look_at_wall(kCamera, checkerboard, kMotion, 1, 3);
   FramePyramid reference, current;

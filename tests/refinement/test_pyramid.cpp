@@ -148,6 +148,50 @@ TEST_CASE("what is masked does not mix into what is not, at any level") {
   }
 }
 
+TEST_CASE("an intensity that is no number has no weight and does not mix into others, where nothing is masked") {
+  const Pinhole cam = room::camera(160);
+  room::Frame f = flat(cam, .3F, 2);
+  f.intensity(80, 60) = std::nanf("");
+  PyramidOptions o;
+  o.finest = 0;
+  o.sensor_noise = 0;
+  FramePyramid p;
+  p.build(f.view(), cam, {}, o);
+  CHECK_FALSE(p.masked());
+  for (int l = 0; l < p.size(); ++l) {
+    int n = 0;
+    for_pixels(p.level(l), [&](const PixelList& list, int b, int i, int x, int y) {
+      CHECK(list.at(b, PixelList::kIntensity, i) == doctest::Approx(.3).epsilon(1e-5));
+      if (l == 0) CHECK((x != 80 || y != 60));
+      ++n;
+    });
+    CHECK(n > 0);
+  }
+}
+
+TEST_CASE("a tile knows the mean depth of its pixels") {
+  const Pinhole cam = room::camera(160);
+  room::Frame f = flat(cam, .3F, 2);
+  for (int y = 0; y < cam.height; ++y) {
+    for (int x = 0; x < cam.width; ++x) f.depth(x, y) = 2 + .01F * static_cast<float>(x);
+  }
+  PyramidOptions o;
+  o.finest = 0;
+  o.max_pixels = 0;
+  FramePyramid p;
+  p.build(f.view(), cam, {}, o);
+  const PixelList& list = p.level(0).pixels;
+  int seen = 0;
+  for (std::size_t k = 0; k < list.tiles.size(); ++k) {
+    if (list.tiles[k].count == 0) continue;
+    const int first = static_cast<int>(k) % list.columns * list.tile_side;  // two columns at the border of the image are left out
+    const int from = std::max(first, 2), to = std::min(first + list.tile_side, cam.width - 2);
+    CHECK(list.tiles[k].depth == doctest::Approx(2 + .01 * (.5 * (from + to - 1))).epsilon(1e-5));
+    ++seen;
+  }
+  CHECK(seen > 100);
+}
+
 TEST_CASE("behind an edge and beside a hole the intensity is not compared; on the edge of what is in front it is") {
   const Pinhole cam = room::camera(160);
   room::Frame f = flat(cam, .2F, 3);

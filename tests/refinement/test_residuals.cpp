@@ -4,6 +4,7 @@
 
 #include <doctest/doctest.h>
 
+#include <apso/refinement/cost/scale/residual_samples.hpp>
 #include <apso/refinement/cost/tile_summer.hpp>
 
 #include "room.hpp"
@@ -115,6 +116,25 @@ TEST_CASE("derivatives of both residuals equal central differences") {
     });
     CHECK(checked > 500);
   }
+}
+
+TEST_CASE("samples for the scales are of all of the image: where there is room for all pixels, these are all") {
+  const room::Frame f = linear_frame();
+  FramePyramid pyramid;
+  pyramid.build(f.view(), kCamera, {}, one_level());
+  const PixelList& list = pyramid.level(0).pixels;
+  const Warper warp(pyramid.level(0), room::pose(.02, -.01, .03, 1, -2, 3), {}, {}, 1.0F, 1.0F);
+  const NoiseModel noise;
+  std::size_t both[2] = {};
+  for_pixels(list, warp, [&](const WarpedLanes& o, int i) {
+    both[0] += o.weight_intensity[i] > 0 ? 1 : 0;
+    both[1] += o.weight_depth[i] > 0 ? 1 : 0;
+  });
+  CHECK(both[0] > 1000);
+  ResidualSamples samples;
+  samples.take(list, warp, NoiseRef(noise), 2 * kCamera.width * kCamera.height, false, SerialExecutor{});
+  CHECK(samples.intensity.residuals.size() == both[0]);
+  CHECK(samples.depth.residuals.size() == both[1]);
 }
 
 TEST_CASE("with esm, the mean of the gradients of both images is used, turned into the reference") {

@@ -110,6 +110,24 @@ TEST_CASE("guesses about a bare wall agree on the wall and differ in the turn ab
   }
 }
 
+TEST_CASE("a wall seen at a grazing angle tells its direction as well") {
+  const Eigen::Vector3d before = rotation(room::pose(0, 0, 0, 0, -70, 0)) * Eigen::Vector3d(0, 0, -1);
+  const Eigen::Vector3d after = rotation(room::pose(0, 0, 0, 3, 2, 0)) * before;
+  const auto wall = [](const Eigen::Vector3d& n) {
+    room::Frame f = room::render(kCamera, Pose::Identity());
+    for (int y = 0; y < kCamera.height; ++y) {
+      for (int x = 0; x < kCamera.width; ++x) {
+        const double z = -0.7 / n.dot(kCamera.unproject(x, y, 1.0));
+        f.depth(x, y) = x > 70 && z > 0 && z < 5 ? static_cast<float>(z) : 0.0F;  // where it is more than 2 % deeper with each pixel
+      }
+    }
+    return f;
+  };
+  const std::vector<Eigen::Matrix3d> found = search(wall(before), wall(after));
+  REQUIRE(!found.empty());
+  for (const Eigen::Matrix3d& R : found) CHECK(std::acos(std::min(1.0, after.dot(R * before))) < .5 * kDegree);
+}
+
 TEST_CASE("without depth no turn is guessed") {
   const room::Frame good = room::render(kCamera, Pose::Identity());
   room::Frame blind = good;
