@@ -35,14 +35,13 @@ class CornerMatcher {
     detect(reference, Choice::Best, kCell, reference_);
     const std::size_t corners = reference_.size();
     if (corners < kMinCorners) detect(reference, Choice::Best, kSmallCell, reference_);
+    best_.assign(reference_.size(), Best{});
     detect(current, Choice::All, kCell, current_);
     match_mutually();
     for (std::size_t i = 0; i < reference_.size(); ++i) {
-      if (match_of_reference_[i] < 0) continue;
-      const auto j = static_cast<std::size_t>(match_of_reference_[i]);
-      if (match_of_current_[j] != static_cast<float>(i)) continue;
+      if (!best_[i].mutual) continue;
       const Pixel& from = reference_.pixels[i];
-      const Pixel& to = current_.pixels[j];
+      const Pixel& to = best_[i].at;
       const std::array<float, 2> offset = subpixel_offset(i, current, to);
       matches.push_back(
           {back_project(reference, from, {0, 0}), back_project(current, to, offset), 1.0F / static_cast<float>(current.camera.fx)});
@@ -59,6 +58,7 @@ class CornerMatcher {
   static constexpr int kSide = 8;                  // of a patch [px]
   static constexpr int kHalf = kSide / 2;
   static constexpr int kPatch = kSide * kSide;
+  static constexpr std::size_t kBlock = 1024;  // corners of the current image that are kept at a time
 
   struct Pixel {
     int x, y;
@@ -70,18 +70,20 @@ class CornerMatcher {
     [[nodiscard]] const float* patch(std::size_t i) const { return patches.data() + i / kLanes * kPatch * kLanes + i % kLanes; }
   };
 
-  // The best corner of each cell, or all its pixels that could be one.
+  // The pixel of the current image that is most like a corner of the reference so far.
+  struct Best {
+    float correlation = kMinCorrelation;
+    Pixel at{0, 0};
+    bool mutual = false;  // no corner of the reference is more like that pixel
+  };
+
+  // The best corner of each cell, or all its pixels that could be one: these are matched block by block.
   enum class Choice { Best, All };
-  APSO_NOINLINE static void detect(const PyramidLevel& level, Choice choice, int cell, Corners& out) {
+  APSO_NOINLINE void detect(const PyramidLevel& level, Choice choice, int cell, Corners& out) {
     const int w = level.intensity.width();
     const int h = level.intensity.height();
     out.pixels.clear();
     out.patches.clear();
-    if (choice == Choice::All) {  // at once what an image full of corners takes, so that a long run does not grow by its busiest frame
-      const auto most = static_cast<std::size_t>(std::max(0, w - kSide)) * static_cast<std::size_t>(std::max(0, h - kSide));
-      out.pixels.reserve(most);
-      out.patches.reserve((most + kLanes) * kPatch);
-    }
     for (int y0 = kHalf; y0 + cell <= h - kHalf; y0 += cell) {
       for (int x0 = kHalf; x0 + cell <= w - kHalf; x0 += cell) {
         float best = kMinCornerness;
@@ -90,7 +92,10 @@ class CornerMatcher {
           for (int x = x0; x < x0 + cell; ++x) {
             if (!(level.depth.row(y)[x] > 0)) continue;
             const float s = cornerness(level.intensity, x, y);
-            if (choice == Choice::All && s > kMinCornerness) add(level, {x, y}, out);
+            if (choice == Choice::All && s > kMinCornerness) {
+              add(level, {x, y}, out);
+              if (out.size() == kBlock) match_mutually();
+            }
             if (s > best) {
               best = s;
               at = {x, y};
@@ -161,7 +166,8 @@ class CornerMatcher {
     out.pixels.push_back(at);
   }
 
-  // The best match of each, -1 for none.
+  // Compares the corners of the current image that are at hand with all of the reference, and forgets them: an image full of corners
+  // takes no more memory than another.
   void match_mutually() {
     constexpr int kAtOnce = 4;  // of the reference, beside kLanes of the current image
     const std::size_t n = reference_.size();
@@ -201,16 +207,24 @@ class CornerMatcher {
         partner.store(match_of_current_.data() + g * kLanes);
       }
       for (int r = 0; r < count; ++r) {  // the first of equal ones
-        float most = kMinCorrelation;
+        float& most = best_[first + static_cast<std::size_t>(r)].correlation;
         float& at = match_of_reference_[first + static_cast<std::size_t>(r)];
         for (int lane = 0; lane < kLanes; ++lane) {
           const float j = group[r][lane] * kLanes + static_cast<float>(lane);
-          if (group[r][lane] < 0 || best[r][lane] < most || (best[r][lane] == most && at >= 0 && j > at)) continue;
+          if (group[r][lane] < 0 || best[r][lane] < most || (best[r][lane] == most && (at < 0 || j > at))) continue;
           most = best[r][lane];
           at = j;
         }
       }
     }
+    for (std::size_t i = 0; i < n; ++i) {
+      if (match_of_reference_[i] < 0) continue;
+      const auto j = static_cast<std::size_t>(match_of_reference_[i]);
+      best_[i].at = current_.pixels[j];
+      best_[i].mutual = match_of_current_[j] == static_cast<float>(i);
+    }
+    current_.pixels.clear();
+    current_.patches.clear();
   }
 
   // How far from a pixel a corner of the reference correlates most: the top of a parabola through neighbours in x, and
@@ -241,7 +255,8 @@ class CornerMatcher {
   }
 
   Corners reference_, current_;
-  // Correlations, and numbers of patches; floats hold them, exactly as far as there are pixels.
+  std::vector<Best> best_;  // of each corner of the reference
+  // Correlations, and numbers of patches, -1 = none; floats hold them, exactly as far as there are pixels.
   std::vector<float> best_of_current_, match_of_current_, match_of_reference_;
 };
 
