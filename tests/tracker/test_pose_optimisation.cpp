@@ -7,6 +7,8 @@
 #include <apso/tracker/solvers/ransac_pose.hpp>
 #include <apso/tracker/solvers/windowed_adjustment.hpp>
 
+#include "../counting_allocator.hpp"
+
 using namespace apso;
 
 namespace {
@@ -200,10 +202,20 @@ TEST_CASE("bundle adjustment brings disturbed poses and points back") {
     }
     problem.points.push_back(point);
   }
-  const AdjustmentResult result = adjust_window(kCamera, problem, 20);
+  AdjustmentProblem few = problem, many = problem;
+  few.points.resize(20);
+  few.views.resize(80);
+  AdjustmentBuffers buffers;
+  const AdjustmentResult result = adjust_window(kCamera, problem, buffers, 20);
   CHECK(succeeded(result.status));
   CHECK(result.cost_after < 1e-3 * result.cost_before);
   for (std::size_t k = 0; k < 4; ++k) CHECK(distance(problem.T_camera_world[k], truth[k]) < 1e-3);
+
+  // a window that is busier than any before it takes no more memory
+  AdjustmentBuffers warm;
+  CHECK(succeeded(adjust_window(kCamera, few, warm, 20).status));
+  CHECK(counting::count([&] { (void)adjust_window(kCamera, many, warm, 20); }).number == 0);
+  for (std::size_t k = 0; k < 4; ++k) CHECK((many.T_camera_world[k].matrix() - problem.T_camera_world[k].matrix()).norm() == 0);
 }
 
 TEST_CASE("a keyframe that is forgotten takes its landmarks along and gives its memory back") {

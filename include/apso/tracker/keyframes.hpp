@@ -88,9 +88,10 @@ inline constexpr double kSharedDepthError = 2;
 /// Refines the last keyframes and what they see; keyframes outside the window that see the same stay fixed. The map stays as
 /// it is when the adjustment fails.
 /// \param window how many keyframes are refined
-inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves, int window, LocalMap& map, PassMarks& marks) {
+inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves, int window, LocalMap& map, PassMarks& marks,
+                                  AdjustmentBuffers& buffers) {
   constexpr int kIterations = 4;  // one keyframe after another, so that each starts close to its end
-  AdjustmentProblem problem;
+  AdjustmentProblem& problem = buffers.fresh();
   std::vector<int> pose_of(map.kept_keyframes(), -1);
   std::vector<int> keyframe_of;
   const auto take = [&](int k, bool fixed) {
@@ -130,7 +131,7 @@ inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves,
     problem.points.push_back(point);
   }
   if (!anchored) problem.fixed[refined - 1] = 1;
-  if (!succeeded(adjust_window(camera, problem, kIterations).status)) return;
+  if (!succeeded(adjust_window(camera, problem, buffers, kIterations).status)) return;
   for (std::size_t i = 0; i < keyframe_of.size(); ++i)
     if (!problem.fixed[i]) map.keyframe(keyframe_of[i]).T_world_camera = inverse(problem.T_camera_world[i]);
   for (std::size_t i = 0; i < points.size(); ++i) {

@@ -52,7 +52,7 @@ struct MapPose {
 /// (Mur-Artal et al., T-RO 2015), a little tighter where depth cannot help.
 class LandmarkMatcher {
  public:
-  LandmarkMatcher(const Pinhole& camera, const Octaves& octaves) : camera_(camera), octaves_(octaves) {}
+  LandmarkMatcher(const Pinhole& camera, const Octaves& octaves) : camera_(camera), octaves_(octaves) { local_.reserve(kUsual); }
 
   /// Chooses the local map: landmarks of the last keyframes and of those that share landmarks with the previous frame.
   /// \param seen landmarks of the previous frame
@@ -191,6 +191,7 @@ class LandmarkMatcher {
   [[nodiscard]] const Octaves& octaves() const { return octaves_; }
 
  private:
+  static constexpr std::size_t kUsual = 4096;       // room for so many landmarks of the local map from the beginning
   static constexpr int kMinShared = 10;             // landmarks in common that make a keyframe local
   static constexpr double kNear = 10;               // a search radius up to this is a search around a pose that is known [px]
   static constexpr double kBorder = 16;             // descriptors need this much of the image [px]

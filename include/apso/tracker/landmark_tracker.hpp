@@ -284,7 +284,7 @@ class BasicLandmarkTracker {
     input.max_sigma = 5 * options_.inverse_depth_sigma;  // more is an edge, and its depth may be of either side
     const int k = new_keyframe(camera_, features_, matcher_.matches(), input, map_);
     decision_.made();
-    adjust_last_keyframes(camera_, matcher_.octaves(), kAdjustedKeyframes, map_, marks_);
+    adjust_last_keyframes(camera_, matcher_.octaves(), kAdjustedKeyframes, map_, marks_, adjustment_);
     seen_.clear();
     for (int l : map_.keyframe(k).landmark)
       if (l >= 0) {
@@ -299,6 +299,7 @@ class BasicLandmarkTracker {
   LandmarkTrackerOptions options_;
   LocalMap map_;
   PassMarks marks_;
+  AdjustmentBuffers adjustment_;
   LandmarkMatcher matcher_;
   KeyframeDecision decision_;
   TrackMotion motion_;

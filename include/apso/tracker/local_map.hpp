@@ -77,7 +77,7 @@ class PassMarks {
 /// constant memory. Numbers of landmarks are used again.
 class LocalMap {
  public:
-  [[nodiscard]] const std::vector<MapLandmark>& landmarks() const { return landmarks_; }
+  [[nodiscard]] const std::deque<MapLandmark>& landmarks() const { return landmarks_; }
   [[nodiscard]] MapLandmark& landmark(int i) { return landmarks_[static_cast<std::size_t>(i)]; }
   [[nodiscard]] const MapLandmark& landmark(int i) const { return landmarks_[static_cast<std::size_t>(i)]; }
   [[nodiscard]] MapKeyframe& keyframe(int i) { return keyframes_[slot(i)]; }
@@ -210,7 +210,7 @@ class LocalMap {
  private:
   std::deque<MapKeyframe> keyframes_;
   int first_keyframe_ = 0;
-  std::vector<MapLandmark> landmarks_;
+  std::deque<MapLandmark> landmarks_;  // grows without a copy of twice its size
   std::vector<int> free_;
   int living_landmarks_ = 0;
   int living_keyframes_ = 0;

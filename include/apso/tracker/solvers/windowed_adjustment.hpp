@@ -108,8 +108,14 @@ inline void invert_symmetric(const double (&V)[3][3], double (&inverse)[3][3]) {
 /// Normal equations of the poses that are not fixed, after the points were eliminated (Schur complement).
 class ReducedEquations {
  public:
-  ReducedEquations(int poses, std::size_t points, std::size_t views) : n_(6 * static_cast<std::size_t>(poses)), eliminated_(points) {
+  /// \param views room for so many of poses that are not fixed
+  explicit ReducedEquations(std::size_t views) {
     blocks_.reserve(views);
+    eliminated_.reserve(views / 2);
+  }
+  void resize(int poses, std::size_t points) {
+    n_ = 6 * static_cast<std::size_t>(poses);
+    eliminated_.resize(points);
   }
 
   /// Gathers everything at the current poses and points.
@@ -225,7 +231,7 @@ class ReducedEquations {
     }
   }
 
-  std::size_t n_;
+  std::size_t n_ = 0;
   std::vector<double> S_;  // n x n, lower triangle
   std::vector<double> g_;  // right side, then the solution
   std::vector<Eliminated> eliminated_;
@@ -233,24 +239,48 @@ class ReducedEquations {
 };
 }  // namespace detail
 
+/// What an adjustment works on, kept from one to the next: the busiest window of a long run takes no memory of its own.
+struct AdjustmentBuffers {
+  static constexpr std::size_t kViews = 4096;  ///< room for so many from the beginning; there is more when it is needed
+  AdjustmentBuffers() : equations(kViews) {
+    problem.views.reserve(kViews);
+    problem.points.reserve(kViews / 2);  // a point that one view sees is not adjusted
+    points.reserve(kViews / 2);
+    new_points.reserve(kViews / 2);
+  }
+  /// The problem, empty.
+  AdjustmentProblem& fresh() {
+    problem.T_camera_world.clear();
+    problem.fixed.clear();
+    problem.points.clear();
+    problem.views.clear();
+    return problem;
+  }
+  AdjustmentProblem problem;
+  detail::ReducedEquations equations;
+  std::vector<int> slot;
+  std::vector<Pose> poses, new_poses;
+  std::vector<Eigen::Vector3d> points, new_points;
+};
+
 /// Levenberg-Marquardt with Huber weights; landmarks are eliminated by the Schur complement (Triggs et al. 2000).
 /// Views with `inlier == false` are left out; on return outliers by the chi-square test are marked.
-inline AdjustmentResult adjust_window(const Pinhole& camera, AdjustmentProblem& problem, int iterations = 5) {
+/// \param problem may be that of the buffers
+inline AdjustmentResult adjust_window(const Pinhole& camera, AdjustmentProblem& problem, AdjustmentBuffers& buffers, int iterations = 5) {
   AdjustmentResult result;
-  std::vector<int> slot(problem.T_camera_world.size(), -1);
+  auto& [own, equations, slot, poses, new_poses, points, new_points] = buffers;
+  (void)own;
+  slot.assign(problem.T_camera_world.size(), -1);
   int n = 0;
   for (std::size_t i = 0; i < slot.size(); ++i)
     if (!problem.fixed[i]) slot[i] = n++;
-  std::vector<Pose> poses = problem.T_camera_world;
-  std::vector<Eigen::Vector3d> points;
-  points.reserve(problem.points.size());
+  poses = problem.T_camera_world;
+  points.clear();
   for (const AdjustmentProblem::Point& p : problem.points) points.push_back(p.point);
-  std::vector<Pose> new_poses;
-  std::vector<Eigen::Vector3d> new_points;
   double cost = detail::adjustment_cost(camera, problem, poses, points);
   result.cost_before = cost;
   double lambda = 1e-4;
-  detail::ReducedEquations equations(n, points.size(), problem.views.size());
+  equations.resize(n, points.size());
   for (int iteration = 0; iteration < iterations; ++iteration) {
     equations.build(camera, problem, slot, poses, points, lambda);
     if (!equations.solve()) {
@@ -282,7 +312,7 @@ inline AdjustmentResult adjust_window(const Pinhole& camera, AdjustmentProblem& 
   }
   result.cost_after = cost;
   if (!succeeded(result.status)) return result;
-  problem.T_camera_world = std::move(poses);
+  problem.T_camera_world.swap(poses);
   for (std::size_t i = 0; i < points.size(); ++i) {
     AdjustmentProblem::Point& point = problem.points[i];
     point.point = points[i];
