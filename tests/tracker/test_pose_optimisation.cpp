@@ -218,6 +218,27 @@ TEST_CASE("bundle adjustment brings disturbed poses and points back") {
   for (std::size_t k = 0; k < 4; ++k) CHECK((many.T_camera_world[k].matrix() - problem.T_camera_world[k].matrix()).norm() == 0);
 }
 
+TEST_CASE("keyframes take memory in a few sizes, so that what one leaves fits another") {
+  LocalMap map;
+  const auto add = [&](std::size_t n) {
+    FeatureSet features;
+    features.keypoints.resize(n);
+    features.descriptors.resize(n);
+    features.inverse_depth.resize(n, 0.5F);
+    features.inverse_depth_sigma.resize(n, 0.01F);
+    return map.add_keyframe(0, identity_pose(), features);
+  };
+  const MapKeyframe& a = map.keyframe(add(560));
+  const MapKeyframe& b = map.keyframe(add(720));
+  CHECK(a.features.keypoints.size() == 560);
+  CHECK(a.features.inverse_depth.back() == 0.5F);
+  CHECK(a.features.keypoints.capacity() == b.features.keypoints.capacity());
+  CHECK(a.features.descriptors.capacity() == b.features.descriptors.capacity());
+  CHECK(a.features.inverse_depth.capacity() == b.features.inverse_depth.capacity());
+  CHECK(a.features.inverse_depth_sigma.capacity() == b.features.inverse_depth_sigma.capacity());
+  CHECK(a.landmark.capacity() == b.landmark.capacity());
+}
+
 TEST_CASE("a keyframe that is forgotten takes its landmarks along and gives its memory back") {
   LocalMap map;
   FeatureSet features;

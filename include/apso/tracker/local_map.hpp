@@ -96,7 +96,11 @@ class LocalMap {
     k.alive = true;
     k.timestamp = timestamp;
     k.T_world_camera = T_world_camera;
-    k.features = features;
+    copy(features.keypoints, k.features.keypoints);
+    copy(features.inverse_depth, k.features.inverse_depth);
+    copy(features.inverse_depth_sigma, k.features.inverse_depth_sigma);
+    copy(features.descriptors, k.features.descriptors);
+    k.landmark.reserve(room(features.keypoints.size()));
     k.landmark.assign(features.keypoints.size(), -1);
     keyframes_.push_back(std::move(k));
     ++living_keyframes_;
@@ -208,6 +212,14 @@ class LocalMap {
   }
 
  private:
+  // Keyframes take memory in a few sizes, so that what one leaves fits another, and the heap of a long run does not fall to pieces.
+  [[nodiscard]] static std::size_t room(std::size_t features) { return (features + 255) / 256 * 256; }
+  template <class T>
+  static void copy(const std::vector<T>& from, std::vector<T>& to) {
+    to.reserve(room(from.size()));
+    to = from;
+  }
+
   std::deque<MapKeyframe> keyframes_;
   int first_keyframe_ = 0;
   std::deque<MapLandmark> landmarks_;  // grows without a copy of twice its size
