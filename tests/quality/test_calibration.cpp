@@ -1,6 +1,7 @@
 // Blur, spread and residual flow by their properties; calibration on made-up samples.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -279,6 +280,7 @@ TEST_CASE("a table of scores and measurements holds all that calibration needs")
     tracks.push_back({i, 16.F + 30.F * static_cast<float>(i % 20), 10.F + 20.F * static_cast<float>(i / 20), 0, 0, 5});
   SceneAssessor assessor({525, 525, 319.5, 239.5, 640, 480});
   std::vector<CalibrationSample> measured, read;
+  double largest = 0;
   for (int n = 0; n < 40; ++n) {
     for (PointTrack& t : tracks) t.x += 0.1F * static_cast<float>(n % 5);
     AssessmentInput in;
@@ -293,8 +295,14 @@ TEST_CASE("a table of scores and measurements holds all that calibration needs")
     read_scores(s.assessment, [&](const std::string& name) { return table.at(name); });
     CHECK(s.assessment.get<MotionChange>() == measured.back().assessment.get<MotionChange>());
     CHECK_FALSE(s.assessment.get<Feature>());
+    if (s.assessment.get<MotionChange>()) {  // what was measured gives the score again
+      const double again = MotionChange::revalue(measured.back().assessment.result<MotionChange>().measured, {}).value();
+      CHECK(again == Approx(s.assessment.get<MotionChange>()->value()));
+      largest = std::max(largest, again);
+    }
     read.push_back(s);
   }
+  CHECK(largest > 0.01);
   AssessorOptions a, b;
   calibrate_scales(measured, a);
   calibrate_scales(read, b);

@@ -1,10 +1,14 @@
 // The printed forms of equations (1) to (11), and S_mc without the camera's own motion.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
 
 #include <apso/math/se3.hpp>
 #include <apso/quality/assessor.hpp>
@@ -73,6 +77,50 @@ TEST_CASE("a homography explains the flow of a turning camera exactly, an affine
   mixed[3].x = std::numeric_limits<float>::quiet_NaN();
   mixed[4].reference_y = std::numeric_limits<float>::infinity();
   CHECK(flow_left(mixed, FlowKind::Homography) < 0.01);
+}
+
+TEST_CASE("a homography is the most probable one: errors count in pixels, wherever they are") {
+  Homography truth;
+  truth.scale = 2.0 / (640 + 480);
+  truth.cx = 320;
+  truth.cy = 240;
+  const double h[8] = {1.1, .05, .1, -.03, .95, .05, .5, -.4};  // the scale differs by a factor of 3 over the image
+  std::copy(h, h + 8, truth.h);
+  Lcg random;
+  std::vector<Correspondence> matches;
+  for (int i = 0; i < 200; ++i) {
+    const double u = 640 * random(), v = 480 * random();
+    const PlanarFlow f = truth.flow(u, v);
+    matches.push_back({static_cast<float>(u), static_cast<float>(v), static_cast<float>(u + f.x + 3 * random() - 1.5),
+                       static_cast<float>(v + f.y + 3 * random() - 1.5)});
+  }
+  const Homography fit = fit_homography(matches, 640, 480);
+  // sum of log(1 + e^2 / (2 px)^2), by Gauss-Newton with numeric derivatives
+  Homography best = truth;
+  const auto error = [&](const Homography& H, const Correspondence& m) {
+    const PlanarFlow f = H.flow(static_cast<double>(m.reference_x), static_cast<double>(m.reference_y));
+    return Eigen::Vector2d(static_cast<double>(m.reference_x - m.x) + f.x, static_cast<double>(m.reference_y - m.y) + f.y);
+  };
+  for (int round = 0; round < 20; ++round) {
+    Eigen::Matrix<double, 8, 8> A = Eigen::Matrix<double, 8, 8>::Zero();
+    Eigen::Matrix<double, 8, 1> b = Eigen::Matrix<double, 8, 1>::Zero();
+    for (const Correspondence& m : matches) {
+      const Eigen::Vector2d e = error(best, m);
+      Eigen::Matrix<double, 2, 8> J;
+      for (int k = 0; k < 8; ++k) {
+        Homography moved = best;
+        moved.h[k] += 1e-6;
+        J.col(k) = (error(moved, m) - e) / 1e-6;
+      }
+      A += J.transpose() * J / (1 + e.squaredNorm() / 4);
+      b += J.transpose() * e / (1 + e.squaredNorm() / 4);
+    }
+    const Eigen::Matrix<double, 8, 1> step = A.ldlt().solve(b);
+    for (int k = 0; k < 8; ++k) best.h[k] -= step(k);
+  }
+  double off = 0;
+  for (const Correspondence& m : matches) off += (error(fit, m) - error(best, m)).squaredNorm() / static_cast<double>(matches.size());
+  CHECK(std::sqrt(off) < .02);  // [px]
 }
 
 TEST_CASE("two poses and the depth explain the flow of a static room, and only that") {
