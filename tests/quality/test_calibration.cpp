@@ -171,6 +171,9 @@ TEST_CASE("measures of spread: range, order, resolution") {
   CHECK(covering(scattered) > covering(clustered));
   CHECK(covering(scattered, 2) == Approx(covering(scattered)).epsilon(0.1));
   CHECK(covering({}) == 0);
+  std::vector<Keypoint> sorted = scattered;
+  (void)covering_spread(sorted, 500, 640.0 * 480.0, 640, 480, kept);
+  CHECK(std::is_sorted(sorted.begin(), sorted.end(), [](const Keypoint& a, const Keypoint& b) { return a.response > b.response; }));
   CHECK(covering({{5, 5, 1, 0, 0}}) == 0);
   CHECK(coverage_spread(even, 640, 480) > coverage_spread(clustered, 640, 480));
   CHECK(coverage_spread(clustered, 640, 480) < 0.1);

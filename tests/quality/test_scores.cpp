@@ -229,6 +229,15 @@ TEST_CASE("S_depth") {
     CHECK(s.S_cov > .5);
   }
   CHECK(depth_score(plane(0, 0, .5)).score.value() == 1.0);
+  Image<float> alone(64, 48, 0.F);  // no pixel has a neighbour
+  for (int y = kDepthBorder; y < 48; y += kDepthStride) {
+    for (int x = kDepthBorder; x < 64; x += kDepthStride) alone(x, y) = 2.F;
+  }
+  const DepthScore single = depth_score(alone);
+  CHECK(single.valid > 0);
+  CHECK(single.S_cons == 0);
+  CHECK(single.S_smo == 0);
+  CHECK(single.score.value() == Approx(.5 * single.S_cov));
   for (const float bad : {0.F, kNaN, kInf, -1.F, 99.F}) CHECK(depth_score(Image<float>(640, 480, bad)).score.value() == 0.0);
   CHECK(depth_score(Image<float>(5, 5, 1.F)).score.value() == 0.0);
   // every second pixel column missing: half of them are covered
@@ -322,6 +331,15 @@ TEST_CASE("S_dc") {
 
 TEST_CASE("S_dec") {
   CHECK(detection_change({}, {}).score.value() == 0);
+  DetectionChange change;
+  for (const bool before : {true, false}) {
+    for (const bool now : {true, false}) {  // that no detector was asked is not that it found nothing
+      DetectionChange::Memory reference, current;
+      reference.present = before;
+      current.present = now;
+      CHECK(change({reference, current, Pinhole{525, 525, 319.5, 239.5, 640, 480}}).has_value() == (before && now));
+    }
+  }
   // 10x10 boxes with IoU .8 and .6: 80/100 inside the larger, 60/100 inside the larger; the third has no partner
   const std::vector<Detection> ref{object(0, 0, 10, 10), object(100, 0, 10, 10)};
   const std::vector<Detection> cur{object(0, 0, 10, 8), object(100, 0, 6, 10), object(300, 300, 9, 9)};
