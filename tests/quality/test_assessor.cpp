@@ -57,6 +57,14 @@ double measurement(const Assessment& a, const std::string& wanted) {
 }
 }  // namespace
 
+TEST_CASE("the mean of an image is that of its pixels") {
+  Image<float> image(4, 3, 0.F);
+  for (int y = 0; y < 3; ++y) image(0, y) = 1.F;  // a row that went on would meet the next one's
+  std::vector<float> scratch;
+  CHECK(mean_of(image, scratch) == Approx(.25));
+  CHECK(mean_of(Image<float>(), scratch) == 0);
+}
+
 TEST_CASE("a good start commits at the thirtieth frame and is GOOD from then on") {
   Scene s;
   SceneAssessor assessor(s.camera);
