@@ -212,6 +212,28 @@ TEST_CASE("outputs: the forms that no tiny network has") {
   CHECK(mask(10, 125) == 0);
 }
 
+TEST_CASE("fuzz: the mask of a box that is thinner than any pixel is that of its border") {
+  float ones[4] = {1, 1, 0, 0};  // the upper row
+  const int shape[4] = {1, 1, 2, 2};
+  opencv::NetworkObjects found;
+  found.masks = cv::Mat(4, shape, CV_32F, ones);
+  opencv::NetworkObject o;
+  o.mask = 0;
+  Image<std::uint8_t> mask;
+  for (const float thin : {1e-3F, 1e-9F, 1e-20F, 1e-38F}) {
+    for (const float at : {10.2F, 10.8F}) {  // the middle of the pixel is far to the right of the box, or to the left
+      o.box = {at, 20, thin, 2};
+      REQUIRE(opencv::mask_of(found, o, opencv::Letterbox::fit(64, 48, 64, 48), 64, 48, mask));
+      CHECK(mask(10, 20) == 255);
+      CHECK(mask(10, 21) == 0);
+      o.box = {10, at, 2, thin};
+      REQUIRE(opencv::mask_of(found, o, opencv::Letterbox::fit(64, 48, 64, 48), 64, 48, mask));
+      CHECK(mask(10, 10) == (at < 10.5F ? 0 : 255));
+      CHECK(mask(11, 10) == mask(10, 10));
+    }
+  }
+}
+
 TEST_CASE("hog-people: finds walking people of the synthetic room, and none without people") {
   opencv::DetectorPolicy<opencv::HogPeople> policy{opencv::HogPeople{}};
   testing::SyntheticOptions options;

@@ -99,10 +99,12 @@ struct Letterbox {
     const int plane = m.size[1] > 1 ? std::clamp(o.class_id, 0, m.size[1] - 1) : 0;
     value = cv::Mat(m.size[2], m.size[3], CV_32F, const_cast<float*>(m.ptr<float>(o.mask, plane)));
     offset = 0.5F;
+    // beyond its borders the mask goes on as it is there; cv::remap cannot take the numbers that a box without extent gives
+    const auto near = [](float v, int size) { return std::clamp(v, -1.0F, static_cast<float>(size)); };
     for (int y = 0; y < r.height; ++y) {
       for (int x = 0; x < r.width; ++x) {
-        map_x(y, x) = (static_cast<float>(r.x + x) + 0.5F - box.x) / box.width * static_cast<float>(m.size[3]) - 0.5F;
-        map_y(y, x) = (static_cast<float>(r.y + y) + 0.5F - box.y) / box.height * static_cast<float>(m.size[2]) - 0.5F;
+        map_x(y, x) = near((static_cast<float>(r.x + x) + 0.5F - box.x) / box.width * static_cast<float>(m.size[3]) - 0.5F, m.size[3]);
+        map_y(y, x) = near((static_cast<float>(r.y + y) + 0.5F - box.y) / box.height * static_cast<float>(m.size[2]) - 0.5F, m.size[2]);
       }
     }
   }
