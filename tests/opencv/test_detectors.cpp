@@ -212,6 +212,15 @@ TEST_CASE("outputs: the forms that no tiny network has") {
   CHECK(mask(10, 125) == 0);
 }
 
+TEST_CASE("fuzz: fewer masks than rows of objects are refused, not read beyond their end") {
+  float rows[14] = {0, 1, 0.8F, 0.25F, 0.5F, 0.5F, 0.75F, 0, 1, 0.9F, 0, 0, 1, 1};
+  float masks[4] = {};
+  const int rows_shape[4] = {1, 1, 2, 7};
+  const int masks_shape[4] = {1, 1, 2, 2};
+  const std::vector<cv::Mat> outputs{cv::Mat(4, rows_shape, CV_32F, rows), cv::Mat(4, masks_shape, CV_32F, masks)};
+  CHECK_THROWS_AS(opencv::decode({"rows", "masks"}, outputs, opencv::NetworkHead::Auto, 100, 200, 0.5F), io_error);
+}
+
 TEST_CASE("fuzz: the mask of a box that is thinner than any pixel is that of its border") {
   float ones[4] = {1, 1, 0, 0};  // the upper row
   const int shape[4] = {1, 1, 2, 2};

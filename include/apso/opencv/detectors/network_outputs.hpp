@@ -129,6 +129,7 @@ inline void decode_rcnn(const std::vector<std::string>& names, const std::vector
   }
   if (rows7 != nullptr) {  // corners as shares of the input
     const float* r = rows7->ptr<float>();
+    if (masks != nullptr && masks->size[0] < rows7->size[2]) unknown_outputs(names, outputs, "there are fewer masks than rows of objects");
     for (int i = 0; i < rows7->size[2]; ++i, r += 7) {
       NetworkObject o;
       o.class_id = class_of(r[1]);
