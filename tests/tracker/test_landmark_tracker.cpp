@@ -202,6 +202,36 @@ TEST_CASE("the tracks carry the pose where the map shows nothing, but not for ev
   }
 }
 
+TEST_CASE("tracks from a frame whose place nobody knows lead to no pose") {
+  for (const bool known : {false, true}) {  // whether something else than features told where the frames 5 and 6 were
+    CAPTURE(known);
+    Recording r("static_xyz");
+    LandmarkTracker tracker(r.room.camera());
+    const std::vector<Keypoint> no_keypoints;
+    const std::vector<Descriptor> no_descriptors;
+    const std::vector<PointTrack> no_tracks;
+    for (int i = 0; i < 10; ++i) {
+      CAPTURE(i);
+      r.next(i);
+      if (i < 5 || i > 7) {
+        tracker.begin(r.image.rgbd(), r.found.keypoints(), r.found.descriptors(), r.found.tracks());
+      } else {  // frame 5 shows nothing, and in frame 6 tracks begin
+        tracker.begin(r.image.rgbd(), no_keypoints, no_descriptors, i == 5 ? no_tracks : r.found.tracks());
+      }
+      const FeatureResult pose = tracker.estimate();
+      const bool blind = i == 5 || i == 6;
+      CHECK(pose.ok == (!blind && (known || i != 7)));
+      if (i == 7) CHECK(pose.track_inliers > 30);
+      if (pose.ok) CHECK(position_error(pose.T_world_camera, r.truth(i)) < 0.02);
+      if (blind && known) {
+        tracker.commit(r.truth(i), none, true);
+      } else {
+        tracker.commit(pose.ok ? pose.T_world_camera : pose.T_world_predicted, none, pose.ok);
+      }
+    }
+  }
+}
+
 TEST_CASE("where the map shows nothing it grows from a pose that is known otherwise, if that is allowed") {
   for (const bool allowed : {true, false}) {
     Recording r("static_xyz");

@@ -92,7 +92,7 @@ class Walker {
 
  private:
   struct Leg {
-    Eigen::Vector2d from, to;  ///< x and z in the world [m]
+    Eigen::Vector2d from{0, 0}, to{0, 0};  ///< x and z in the world [m]
     double start = 0, walk = 1, pause = 1;
     double heading = 0;   ///< angle about the world's y, 0 = +z [rad]
     double distance = 0;  ///< walked before [m]

@@ -200,7 +200,7 @@ class BasicLandmarkTracker {
     if (!ok_) {
       found.T_world_camera = T_world_predicted_;
       if (succeeded(found.status)) found.status = Status::TooFewMatches;
-      ok_ = from_tracks_ = track_inliers_ >= kMinimumTrackInliers && misses_ < options_.max_frames_on_tracks;
+      ok_ = from_tracks_ = track_inliers_ >= kMinimumTrackInliers && misses_ < options_.max_frames_on_tracks && !lost_;
       if (ok_) found.status = Status::Converged;
     }
     return result(found);
@@ -321,7 +321,7 @@ class BasicLandmarkTracker {
   bool from_tracks_ = false;
   bool relocalised_ = false;
   int track_inliers_ = 0;
-  bool lost_ = false;  // neither features nor a sure pose told where the frame before was
+  bool lost_ = false;  // neither features nor a sure pose told where the frame before was: tracks from there lead to no place
   int misses_ = 0;     // frames in a row without a pose from the map
 };
 
