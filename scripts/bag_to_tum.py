@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Turns a ROS 1 bag with RGB-D images into a folder in TUM format, which apso_track reads.
+"""Turns a bag of ROS 1 or ROS 2 with RGB-D images into a folder in TUM format, which apso_track reads.
 
     scripts/bag_to_tum.py run.bag --list
     scripts/bag_to_tum.py run.bag --output run --colour /camera/rgb/image_color --depth /camera/depth_registered/image \\
@@ -7,7 +7,8 @@
 
 Writes rgb/, depth/ (16 bit), rgb.txt, depth.txt; camera.yaml from the camera info; groundtruth.txt from poses, transforms or odometry.
 The stamps are those of the message headers. Depth has to be registered to the colour image, as it is in *_registered topics.
-Needs python3-rosbag, python3-sensor-msgs, python3-geometry-msgs and python3-pil. A bag of ROS 2 (.mcap, .db3): docs/integrate/ros.md.
+Needs python3-pil, and for a .bag python3-rosbag, python3-sensor-msgs and python3-geometry-msgs. A .mcap or .db3, or the folder that holds
+them, needs no ROS; where its chunks are compressed python3-lz4 or python3-zstandard.
 """
 import argparse
 import io
@@ -15,11 +16,12 @@ import os
 import pathlib
 import sys
 
+import ros2_bag
+
 try:
-    import rosbag
     from PIL import Image
-except ImportError as e:
-    sys.exit(f"bag_to_tum.py: {e.name} is missing; apt-get install python3-rosbag python3-sensor-msgs python3-geometry-msgs python3-pil")
+except ImportError:
+    sys.exit("bag_to_tum.py: PIL is missing; apt-get install python3-pil")
 
 IMAGES = ("sensor_msgs/Image", "sensor_msgs/CompressedImage")
 POSES = ("geometry_msgs/PoseStamped", "geometry_msgs/PoseWithCovarianceStamped", "geometry_msgs/TransformStamped", "nav_msgs/Odometry")
@@ -103,9 +105,32 @@ def topic_of(kind, given, topics, types, words):
     return given
 
 
+class Ros1Bag:
+    def __init__(self, path):
+        try:
+            import rosbag
+        except ImportError as e:
+            fail(f"{e.name} is missing; apt-get install python3-rosbag python3-sensor-msgs python3-geometry-msgs")
+        try:
+            bag = rosbag.Bag(path)
+        except (OSError, rosbag.ROSBagException) as e:
+            fail(f"{path}: cannot be read as a bag of ROS 1: {e}")
+        self.topics = bag.get_type_and_topic_info().topics
+        self.read_messages = bag.read_messages
+
+
+def opened(path):
+    if os.path.isdir(path) or path.endswith((".mcap", ".db3")):
+        try:
+            return ros2_bag.Bag(path)
+        except (OSError, ros2_bag.BagError) as e:
+            fail(f"{path}: cannot be read as a bag of ROS 2: {e}")
+    return Ros1Bag(path)
+
+
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("bag")
+    p.add_argument("bag", help="a .bag of ROS 1; a .mcap or .db3 of ROS 2, or the folder with them")
     p.add_argument("--list", action="store_true", help="print the topics and stop")
     p.add_argument("--output", help="folder to make; one that is there is refused")
     p.add_argument("--colour", help="topic of the colour images (default: the only one with rgb or color in its name)")
@@ -113,11 +138,8 @@ def main():
     p.add_argument("--info", help="topic of the camera info of the colour camera, for camera.yaml")
     p.add_argument("--truth", help="topic of poses, transforms or odometry, for groundtruth.txt")
     a = p.parse_args()
-    try:
-        bag = rosbag.Bag(a.bag)
-    except (OSError, rosbag.ROSBagException) as e:
-        fail(f"{a.bag}: cannot be read as a bag of ROS 1: {e}")
-    topics = bag.get_type_and_topic_info().topics
+    bag = opened(a.bag)
+    topics = bag.topics
     if a.list:
         for name, info in sorted(topics.items()):
             print(f"{name}  {info.msg_type}  {info.message_count} messages")
@@ -172,4 +194,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except ros2_bag.BagError as e:
+        fail(e)

@@ -56,8 +56,8 @@ if(NOT APSO_INNER)
   endif()
 endif()
 
-# A bag of ROS 1 becomes a folder in TUM format. rosbag from the package is a module of the system's Python; without it the test is
-# reported as skipped.
+# A bag of ROS 1 or ROS 2 becomes a folder in TUM format. rosbag and PIL from the packages are modules of the system's Python; without them
+# the tests are reported as skipped.
 if(NOT APSO_INNER AND TARGET apso_track)
   find_program(APSO_SYSTEM_PYTHON NAMES python3 PATHS /usr/bin NO_DEFAULT_PATH)
   find_program(APSO_SYSTEM_PYTHON NAMES python3)
@@ -67,5 +67,9 @@ if(NOT APSO_INNER AND TARGET apso_track)
              COMMAND ${APSO_SYSTEM_PYTHON} ${CMAKE_CURRENT_LIST_DIR}/bag_to_tum.py ${PROJECT_SOURCE_DIR}/scripts/bag_to_tum.py
                      $<TARGET_FILE_DIR:apso_track> ${CMAKE_CURRENT_BINARY_DIR}/bag_to_tum)
     set_tests_properties(integrate_bag_to_tum PROPERTIES SKIP_RETURN_CODE 77 TIMEOUT 600)
+    add_test(NAME integrate_ros2_bag_to_tum
+             COMMAND ${APSO_SYSTEM_PYTHON} ${CMAKE_CURRENT_LIST_DIR}/ros2_bag_to_tum.py ${PROJECT_SOURCE_DIR}/scripts/bag_to_tum.py
+                     $<TARGET_FILE_DIR:apso_track> ${CMAKE_CURRENT_BINARY_DIR}/ros2_bag_to_tum)
+    set_tests_properties(integrate_ros2_bag_to_tum PROPERTIES SKIP_RETURN_CODE 77 TIMEOUT 600)
   endif()
 endif()
