@@ -5,9 +5,7 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
-#include <functional>
 #include <map>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -18,8 +16,9 @@
 #include <apso/quality/assessment.hpp>
 #include <apso/version.hpp>
 
+#include "assess/plots.hpp"
+#include "assess/scores.hpp"
 #include "track/command_line.hpp"
-#include "track/plots.hpp"
 #include "track/results.hpp"
 #include "track/run_folder.hpp"
 
@@ -28,58 +27,14 @@ namespace {
 namespace fs = std::filesystem;
 using json = nlohmann::json;
 
-/// A column of the table, turned so that high means bad.
-struct Score {
-  std::string name;
-  std::string column;
-  bool quality;  ///< 1 - value is taken
-};
-const std::vector<Score>& scores() {
-  static const std::vector<Score> list = [] {
-    std::vector<Score> all{{"1 - S_final", "S_final", true}, {"1 - S_total", "S_total", true}};
-    const auto add = [&all](const std::string& column, apso::Better better) {
-      const bool quality = better == apso::Better::Higher;
-      all.push_back({(quality ? "1 - " : "") + column, column, quality});
-    };
-    const apso::Assessment a;
-    apso::for_each_frame_score(a, [&](const char* name, const auto&, double, apso::Better better) { add(name, better); });
-    // what the scores of a frame measured on the way to their value, where it is a score itself
-    apso::for_each_measurement(a, [&](const std::string& column, double) {
-      if (column.rfind("S_", 0) == 0) add(column, apso::Better::Higher);
-    });
-    all.push_back({"S_change", "S_change", false});
-    apso::for_each_change_score(a, [&](const char* name, const auto&, double, apso::Better better) { add(name, better); });
-    all.push_back({"S_step", "S_step", false});
-    all.push_back({"dynamic ratio", "dynamic_ratio", false});
-    return all;
-  }();
-  return list;
-}
-
-/// JSON has no NaN.
-json number(double v) { return std::isfinite(v) ? json(v) : json(nullptr); }
-std::string shown(double v, const char* format = "%.3f") {
-  if (!std::isfinite(v)) return "-";
-  char text[32];
-  std::snprintf(text, sizeof text, format, v);
-  return text;
-}
-
-using Runs = std::vector<track::Run>;
-
-std::vector<apso::ScoredEvent> events(const Runs& runs, const Score& s, const std::function<bool(const track::RunFrame&)>& event) {
-  std::vector<apso::ScoredEvent> e;
-  for (const track::Run& run : runs) {
-    for (const track::RunFrame& f : run.frames) {
-      if (!f.decided()) continue;
-      const double v = run.at(f, s.column);
-      if (std::isfinite(v)) e.push_back({s.quality ? 1 - v : v, event(f)});
-    }
-  }
-  return e;
-}
-bool failed(const track::RunFrame& f) { return f.failed; }
-bool labelled(const track::RunFrame& f) { return !f.label.empty(); }
+using assess::events;
+using assess::failed;
+using assess::labelled;
+using assess::number;
+using assess::Runs;
+using assess::Score;
+using assess::scores;
+using assess::shown;
 
 json table_of_scores(const Runs& runs) {
   json rows = json::array();
@@ -195,82 +150,6 @@ json per_run(const Runs& runs) {
   return rows;
 }
 
-void plot_roc(const fs::path& file, const Runs& runs) {
-  track::Gnuplot g(file, 900, 760, 11);
-  g("set title 'which score finds the frames where the feature tracker fails'; set size square; set grid lc rgb "
-    "'#dddddd'");
-  g("set xlabel 'false alarms / frames without failure'; set ylabel 'found / failures'; set key outside right "
-    "noenhanced");
-  std::string plots = "x with lines dt 2 lc rgb '#999999' notitle";
-  std::vector<std::vector<std::vector<double>>> data;
-  for (const Score& s : scores()) {
-    const auto curve = apso::roc_curve(events(runs, s, failed));
-    if (curve.empty()) continue;
-    std::vector<std::vector<double>> rows;
-    for (const auto& p : curve) rows.push_back({p.false_positive_rate, p.true_positive_rate});
-    data.push_back(rows);
-    plots += ", '-' using 1:2 with lines lw " + std::string(data.size() == 1 ? "3" : "1.3") + " title '" + s.name + " (" +
-             shown(apso::area_under(curve), "%.2f") + ")'";
-  }
-  g("plot [0:1][0:1] " + plots);
-  for (const auto& rows : data) g.data(rows);
-  g.finish();
-}
-
-json plot_reliability(const fs::path& file, const Runs& runs) {
-  const auto bins = apso::reliability(events(runs, scores()[0], failed), 12);
-  json rows = json::array();
-  std::vector<std::vector<double>> points;
-  for (const auto& b : bins) {
-    rows.push_back({{"mean_score", b.mean_score}, {"failure_share", b.event_share}, {"frames", b.count}});
-    points.push_back({b.mean_score, b.event_share, static_cast<double>(b.count)});
-  }
-  track::Gnuplot g(file, 760, 640, 11);
-  g("set title 'how often the feature tracker failed at a given S_final'; set grid lc rgb '#dddddd'; set key top left");
-  g("set xlabel '1 - S_final'; set ylabel 'share of failed frames'; set y2label 'frames'; set y2tics; set ytics "
-    "nomirror");
-  g("set y2range [0:*]; set boxwidth 0.05; set style fill solid 0.3");
-  g("plot [0:1][0:1] '-' using 1:3 axes x1y2 with boxes lc rgb '#bbbbbb' title 'frames', "
-    "'-' using 1:2 with linespoints lw 2 pt 7 lc rgb '#1b6ca8' title 'failed'");
-  g.data(points);
-  g.data(points);
-  g.finish();
-  return rows;
-}
-
-/// S_final over time with what is known about the frames, one strip per run, at most eight of them.
-void plot_timeline(const fs::path& file, const Runs& runs) {
-  const std::size_t n = std::min<std::size_t>(8, runs.size());
-  track::Gnuplot g(file, 1200, static_cast<int>(60 + 190 * n), 10);
-  g("set multiplot layout " + std::to_string(n) + ",1");
-  g("set key outside right top noenhanced; set grid lc rgb '#dddddd'; set yrange [0:1.02]");
-  for (std::size_t i = 0; i < n; ++i) {
-    const track::Run& run = runs[i];
-    if (run.frames.empty()) continue;
-    const double t0 = run.frames.front().timestamp;
-    std::vector<std::vector<double>> label, flag, fail, s;
-    for (const track::RunFrame& f : run.frames) {
-      const double t = f.timestamp - t0;
-      label.push_back({t, labelled(f) ? 1.02 : 0.0});
-      flag.push_back({t, f.flagged() ? 0.1 : 0.0});
-      if (f.failed) fail.push_back({t, 0.15});
-      s.push_back({t, run.at(f, "S_final")});
-    }
-    g("set title " + track::quoted(run.name) + " noenhanced offset 0,-0.8");
-    g("plot '-' using 1:2 with filledcurves y1=0 fc rgb '#fdebc8' title 'known to be hard', "
-      "'-' using 1:2 with filledcurves y1=0 fc rgb '#e05050' title 'BAD or LOST', "
-      "'-' using 1:2 with points pt 7 ps 0.5 lc rgb '#000000' title 'tracker failed', "
-      "'-' using 1:2 with lines lw 2 lc rgb '#1b6ca8' title 'S_final'");
-    g.data(label);
-    g.data(flag);
-    if (fail.empty()) fail.push_back({0, -1});
-    g.data(fail);
-    g.data(s);
-  }
-  g("unset multiplot");
-  g.finish();
-}
-
 struct Arguments {
   std::vector<std::string> folders;
   std::string output;
@@ -308,9 +187,9 @@ int run(const Arguments& a) {
   result["runs"] = per_run(runs);
   result["scores"] = table_of_scores(runs);
   result["decisions"] = decisions(runs);
-  plot_roc(out.file("roc.png"), runs);
-  result["reliability"] = plot_reliability(out.file("reliability.png"), runs);
-  plot_timeline(out.file("timeline.png"), runs);
+  assess::plot_roc(out.file("roc.png"), runs);
+  result["reliability"] = assess::plot_reliability(out.file("reliability.png"), runs);
+  assess::plot_timeline(out.file("timeline.png"), runs);
   track::write_json(out.file("assess.json"), result);
   out.finish();
   return problems == 0 ? 0 : track::exit_bad_input;
