@@ -105,6 +105,7 @@ std::vector<PlannedRun> plan(const Arguments& a, const std::vector<track::Varian
         run.job.arguments.insert(run.job.arguments.end(), {"--config", file.string()});
         if (chosen[v].true_masks) run.job.arguments.emplace_back("--true-masks");
         run.job.folder = fs::path(a.output) / chosen[v].name / (repeats > 1 ? s.name + "_r" + std::to_string(r) : s.name);
+        if (s.synthetic()) run.job.kept_frames = fs::path(a.output) / "kept_frames" / run.job.folder.filename();
         runs.push_back(std::move(run));
       }
     }
@@ -271,6 +272,8 @@ int main(int argc, char** argv) {
       "A sequence is written NAME,option=value,... with the options of apso_track, e.g. 'recording,camera=bonn' or\n"
       "'synthetic:stress_all,max-frames=540,seed=1'; camera-truth=FILE names ground truth in the camera's frame for errors\n"
       "of motion, where that of a recording follows another body. Finished runs are kept: interrupt and restart it as you like.\n"
+      "The variants share the rendered frames of a synthetic sequence: they lie in DIR/kept_frames of --output DIR until its last\n"
+      "variant is done, 2.5 MB a frame (740 MB for 300 frames), and 1 GB of the disk stays free.\n"
       "Exit code: 0 done, 1 bad input or a run failed, 2 wrong usage."};
   std::vector<std::string> names;
   for (const track::Variant& v : track::variants()) names.push_back(v.name);

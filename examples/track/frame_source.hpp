@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -22,6 +23,8 @@
 #include <apso/opencv/mask_image.hpp>
 #include <apso/opencv/rgbd_sequence.hpp>
 #include <apso/testing/synthetic.hpp>
+
+#include "kept_frames.hpp"
 
 namespace track {
 
@@ -68,16 +71,22 @@ class FrameSource {
 
 class SyntheticSource final : public FrameSource {
  public:
-  SyntheticSource(const std::string& name, const apso::testing::SyntheticOptions& options) : sequence_(name, options) {
+  /// \param kept file for the rendered frames, which other runs may use; empty: none
+  SyntheticSource(const std::string& name, const apso::testing::SyntheticOptions& options, const std::string& kept = {})
+      : sequence_(name, options) {
+    if (!kept.empty()) kept_.emplace(kept, name, options);
     for (int i = 0; i < sequence_.size(); ++i) truth_.push_back({sequence_.timestamp(i), sequence_.T_world_camera(i)});
   }
   int size() const override { return sequence_.size(); }
   const apso::Pinhole& camera() const override { return sequence_.camera(); }
   void load(int i, LoadedFrame& out) override {
-    sequence_.render(i, frame_);
-    out.timestamp = frame_.timestamp;
+    if (!kept_ || !kept_->read(i, frame_)) {
+      sequence_.render(i, frame_);
+      if (kept_) kept_->write(i, frame_);
+    }
+    out.timestamp = sequence_.timestamp(i);
     char name[32];
-    std::snprintf(name, sizeof name, "%.6f", frame_.timestamp);
+    std::snprintf(name, sizeof name, "%.6f", out.timestamp);
     out.name = name;
     const cv::Mat rgb(frame_.depth.height(), frame_.depth.width(), CV_8UC3, frame_.rgb.data());
     cv::cvtColor(rgb, out.colour, cv::COLOR_RGB2BGR);
@@ -96,6 +105,7 @@ class SyntheticSource final : public FrameSource {
 
  private:
   apso::testing::SyntheticSequence sequence_;
+  std::optional<KeptFrames> kept_;
   apso::testing::SyntheticFrame frame_;
   apso::Trajectory truth_;
   std::vector<std::string> warnings_;

@@ -24,7 +24,7 @@ inline std::unique_ptr<FrameSource> open_source(const Arguments& a) {
     if (a.max_frames > 0) options.frames = std::max(options.frames, a.max_frames);
     options.seed = a.seed;
     options.sensor = a.sensor;
-    return std::make_unique<SyntheticSource>(a.sequence.substr(std::string(Arguments::prefix).size()), options);
+    return std::make_unique<SyntheticSource>(a.sequence.substr(std::string(Arguments::prefix).size()), options, a.keep_frames);
   }
   if (a.camera.empty()) {
     throw apso::io_error(

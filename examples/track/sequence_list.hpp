@@ -17,9 +17,11 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <sstream>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -99,6 +101,7 @@ inline int run_program(const std::vector<std::string>& command, const std::strin
 struct Job {
   std::filesystem::path folder;
   std::vector<std::string> arguments;  ///< of apso_track, without --output and --quiet
+  std::filesystem::path kept_frames;   ///< file for rendered frames that runs on one sequence share; empty: none
 };
 
 /// A run is complete if it has a summary that can be read, which apso_track writes last, and that tells of no failure.
@@ -106,6 +109,47 @@ inline bool complete(const std::filesystem::path& folder) {
   const auto summary = nlohmann::json::parse(std::ifstream(folder / "summary.json"), nullptr, false);
   return summary.is_object() && !summary.contains("failure");
 }
+
+/// Which file of rendered frames is still of use: it is removed with the last of its runs.
+class SharedFrames {
+ public:
+  explicit SharedFrames(const std::vector<Job>& jobs) {
+    for (const Job& job : jobs) {
+      if (job.kept_frames.empty()) continue;
+      Users& users = files_[job.kept_frames];
+      ++users.left;
+      users.to_make += complete(job.folder) ? 0 : 1;
+    }
+  }
+  ~SharedFrames() {
+    std::error_code used;  // there is something else in the folder
+    for (const auto& file : files_) std::filesystem::remove(file.first.parent_path(), used);
+  }
+  SharedFrames(const SharedFrames&) = delete;
+  SharedFrames& operator=(const SharedFrames&) = delete;
+
+  /// Arguments of apso_track for a run: none if nobody else would use its frames.
+  [[nodiscard]] std::vector<std::string> arguments(const Job& job) const {
+    const auto file = files_.find(job.kept_frames);
+    if (file == files_.end() || (file->second.to_make < 2 && !std::filesystem::exists(file->first))) return {};
+    std::error_code failed;  // then apso_track renders
+    std::filesystem::create_directories(file->first.parent_path(), failed);
+    return {"--keep-frames", file->first.string()};
+  }
+  void done(const Job& job) {
+    const auto file = files_.find(job.kept_frames);
+    if (file == files_.end() || --file->second.left > 0) return;
+    std::error_code failed;
+    std::filesystem::remove(file->first, failed);
+  }
+
+ private:
+  struct Users {
+    int left = 0;     // runs that are not done
+    int to_make = 0;  // runs that were not complete at the start
+  };
+  std::map<std::filesystem::path, Users> files_;
+};
 
 /// Makes the runs that are not complete, `workers` at a time, and prints progress. \return one message per failed run
 inline std::vector<std::string> run_jobs(const std::vector<Job>& jobs, int workers, const char* title) {
@@ -115,6 +159,7 @@ inline std::vector<std::string> run_jobs(const std::vector<Job>& jobs, int worke
   std::mutex lock;
   std::vector<std::string> problems;
   const std::string program = (program_folder() / "apso_track").string();
+  SharedFrames frames(jobs);
   const auto work = [&] {
     for (std::size_t i = next++; i < jobs.size(); i = next++) {
       const Job& job = jobs[i];
@@ -127,11 +172,17 @@ inline std::vector<std::string> run_jobs(const std::vector<Job>& jobs, int worke
         command.insert(command.end(), job.arguments.begin(), job.arguments.end());
         // Each worker has one thread, so that times are those of a thread, unless the sequence says otherwise.
         if (std::count(command.begin(), command.end(), "--threads") == 0) command.insert(command.end(), {"--threads", "1"});
+        {
+          const std::lock_guard<std::mutex> guard(lock);
+          const std::vector<std::string> kept = frames.arguments(job);
+          command.insert(command.end(), kept.begin(), kept.end());
+        }
         command.insert(command.end(), {"--quiet", "--output", job.folder.string()});
         code = run_program(command, log);
       }
       const bool failed = code != 0 && code != exit_no_pose;
       const std::lock_guard<std::mutex> guard(lock);
+      frames.done(job);
       if (failed) problems.push_back(job.folder.string() + ": apso_track ended with " + std::to_string(code) + ", see " + log);
       std::fprintf(stderr, "%s %d/%zu  %s%s\n", title, ++done, jobs.size(), job.folder.filename().string().c_str(),
                    had ? " (was done)" : (failed ? " FAILED" : ""));
