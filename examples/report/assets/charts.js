@@ -38,6 +38,8 @@ function addChart(parent, title, run, time, series, end, begin = 0) {
       fill: s.fill ? () => stroke(s)() + '55' : undefined,
       value: (_, v, index, row) => short(s.raw && row !== null ? s.raw[row] : v),
     }))],
+    // of layers on top of each other each is filled down to the next, so that their colours do not mix
+    bands: series.every((s) => s.fill) ? series.slice(1).map((_, i) => ({series: [i + 1, i + 2]})) : [],
     hooks: {
       drawClear: run ? [(self) => stateBands(self, run)] : [],
       setScale: [(self, key) => {
