@@ -50,7 +50,7 @@ std::vector<track::Run> runs_of(const std::vector<std::string>& sequences, const
       continue;
     }
     const track::SequenceSpec s = track::parse_sequence(text);
-    track::Job job{fs::path(a.work) / s.name, s.arguments};
+    track::Job job{fs::path(a.work) / s.name, s.arguments, {}};
     job.arguments.emplace_back("--no-refinement");
     if (!a.config.empty()) job.arguments.insert(job.arguments.end(), {"--config", a.config});
     folders.push_back(job.folder.string() + (s.camera_truth.empty() ? "" : "=" + s.camera_truth));

@@ -20,19 +20,25 @@
 
 namespace track {
 
-/// The part of space that trajectories cover: the two axes along which they extend most, and a square around them.
+/// The two axes along which a path extends most, and a square around all that is drawn.
 class BestView {
  public:
-  explicit BestView(const std::vector<const apso::Trajectory*>& trajectories) {
+  /// \param path  chooses the axes, as in the report
+  /// \param other also drawn: an estimate that jumps makes the square larger, and turns nothing
+  explicit BestView(const std::vector<const apso::Trajectory*>& path, const std::vector<const apso::Trajectory*>& other = {}) {
     Eigen::AlignedBox3d box;
-    for (const apso::Trajectory* t : trajectories) {
-      for (const auto& p : *t) box.extend(p.T_world_body.translation());
-    }
-    if (box.isEmpty()) return;
+    const auto extend = [&box](const std::vector<const apso::Trajectory*>& trajectories) {
+      for (const apso::Trajectory* t : trajectories) {
+        for (const auto& p : *t) box.extend(p.T_world_body.translation());
+      }
+    };
+    extend(path);
     int flat = 1;  // y, which points down, unless another axis extends less
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3 && !box.isEmpty(); ++i) {
       if (box.sizes()[i] < box.sizes()[flat]) flat = i;
     }
+    extend(other);
+    if (box.isEmpty()) return;
     across = flat == 0 ? 1 : 0;
     up = flat == 2 ? 1 : 2;
     half = std::max(1e-3, 0.55 * std::max(box.sizes()[across], box.sizes()[up]));
@@ -91,22 +97,48 @@ inline void time_axis(const Gnuplot& g, const PlottedRun& run) {
   g(text);
 }
 
-/// Bands behind the curves of a panel. \param top where they end
-inline const char* band_curves() {
-  return "'-' using 1:2 with filledcurves y1=0 fc rgb '#f6c9a4' title 'BAD', '-' using 1:2 with filledcurves y1=0 fc rgb '#d5bfe6' "
-         "title 'LOST', '-' using 1:2 with filledcurves y1=0 fc rgb '#dfe3e8' title 'initialising'";
+/// Bands behind the curves of a panel, from `bottom` to `top`.
+inline std::string band_curves(double bottom = 0) {
+  char fill[80];
+  std::snprintf(fill, sizeof fill, "'-' using 1:2 with filledcurves y1=%.6g fc rgb ", bottom);
+  return std::string(fill) + "'#f6c9a4' title 'BAD', " + fill + "'#d5bfe6' title 'LOST', " + fill + "'#dfe3e8' title 'initialising'";
 }
-inline void band_data(const Gnuplot& g, const PlottedRun& run, double top) {
+inline void band_data(const Gnuplot& g, const PlottedRun& run, double top, double bottom = 0) {
   for (const apso::SceneState s : {apso::SceneState::Bad, apso::SceneState::Lost, apso::SceneState::Initialising}) {
     std::vector<std::vector<double>> rows;
     for (std::size_t i = 0; i < run.reports.size(); ++i) {  // steps: a frame lasts until the next one
-      const double v = run.reports[i].state == s ? top : 0;
+      const double v = run.reports[i].state == s ? top : bottom;
       rows.push_back({run.reports[i].timestamp - run.start(), v});
       if (i + 1 < run.reports.size()) rows.push_back({run.reports[i + 1].timestamp - run.start(), v});
     }
     g.data(rows);
   }
 }
+
+/// A logarithmic axis of errors: at most four powers of ten, so that one jump does not hide the rest.
+struct Decades {
+  double bottom = 1e-4;
+  double top = 1;
+  explicit Decades(const std::vector<const std::vector<std::vector<double>>*>& curves) {
+    double least = 0;
+    double most = 0;
+    for (const auto* curve : curves) {
+      for (const auto& row : *curve) {
+        if (!(row[1] > 0) || !std::isfinite(row[1])) continue;
+        least = least > 0 ? std::fmin(least, row[1]) : row[1];
+        most = std::fmax(most, row[1]);
+      }
+    }
+    if (most <= 0) return;
+    top = std::pow(10, std::ceil(std::log10(most)));
+    bottom = std::fmax(top / 1e4, std::fmin(top / 10, std::pow(10, std::floor(std::log10(least)))));
+  }
+  /// The curve, raised to the axis where it is below.
+  [[nodiscard]] std::vector<std::vector<double>> within(std::vector<std::vector<double>> curve) const {
+    for (auto& row : curve) row[1] = row[1] < bottom ? bottom : row[1];  // NaN, a gap, stays
+    return curve;
+  }
+};
 
 /// The poses of an estimate as rows; a line that is drawn through them ends where frames have no pose.
 template <class Row>
@@ -130,12 +162,12 @@ std::vector<std::vector<double>> rows_with_gaps(const PlottedRun& run, const aps
 inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun& run) {
   if (run.features.empty() && run.final_poses.empty()) return;
   Gnuplot g(file, 900, 1000, 11);
-  const BestView view({&run.truth, &run.features, &run.final_poses});
+  const BestView view({&run.truth, &run.final_poses}, {&run.features});
   g("set multiplot layout 2,1");
   g("set title " +
     quoted(run.title + ": " + view.axis(view.across) + " and " + view.axis(view.up) + ", the plane of largest extent; " + run.result()) +
     " noenhanced");
-  g("set grid lc rgb '#dddddd'; set key outside right top");
+  g("set grid lc rgb '#dddddd'; set key outside right top font ',9'");
   const bool known = !run.truth.empty();
   using Rows = std::vector<std::vector<double>>;
   const auto in_plane = [&](const apso::Pose& pose) {
@@ -211,20 +243,20 @@ inline void plot_scores(const std::filesystem::path& file, const PlottedRun& run
     return r;
   };
   const auto of = [nan](const auto& maybe) { return maybe ? maybe->value() : nan; };
-  const std::string bands = std::string("plot ") + detail::band_curves();
+  const std::string bands = "plot " + detail::band_curves();
   if (known) {
-    double top = 1e-6;
-    for (const auto& row : run.error) top = std::fmax(top, row[1]);
-    for (const auto& row : run.feature_error) top = std::fmax(top, row[1]);
-    char range[80];
-    std::snprintf(range, sizeof range, "set ylabel 'position error [m]'; set yrange [0:%.6g]", 1.05 * top);
+    const detail::Decades axis({&run.error, &run.feature_error});
+    char range[120];
+    std::snprintf(range, sizeof range, "set ylabel 'position error [m]'; set logscale y; set format y '%%g'; set yrange [%.6g:%.6g]",
+                  axis.bottom, axis.top);
     g(range);
-    g(bands +
+    g("plot " + detail::band_curves(axis.bottom) +
       ", '-' using 1:2 with lines lw 1.2 lc rgb '#d55e00' title 'features only', '-' using 1:2 with lines lw 1.8 lc rgb '#0072b2' title "
       "'final'");
-    detail::band_data(g, run, 1.05 * top);
-    g.data(run.feature_error);
-    g.data(run.error);
+    detail::band_data(g, run, axis.top, axis.bottom);
+    g.data(axis.within(run.feature_error));
+    g.data(axis.within(run.error));
+    g("unset logscale y; set format y");
   }
   g("set yrange [0:1.02]; set ylabel 'S_final' noenhanced");
   g(bands +
