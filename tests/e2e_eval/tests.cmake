@@ -6,7 +6,7 @@ if(TARGET apso_eval AND TARGET apso_test_e2e_eval)
   add_dependencies(apso_test_e2e_eval apso_eval)
   # As in evaluation/: skipped where the recordings are absent. APSO_DATA_DIR holds trajectories/; APSO_EVO_DATA is test/data of
   # a clone of github.com/MichaelGrupp/evo.
-  foreach(_data TUM KITTI)
+  foreach(_data TUM KITTI EuRoC)
     add_test(NAME e2e_eval_published_${_data} COMMAND apso_test_e2e_eval "--test-case=published: apso_eval on ${_data}*")
     set_tests_properties(e2e_eval_published_${_data} PROPERTIES SKIP_REGULAR_EXPRESSION "assertions: +0 [|]")
   endforeach()

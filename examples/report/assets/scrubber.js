@@ -14,7 +14,7 @@ const quantities = [
   ['dynamic part of the image', (run, row) => (isNumber(run.value('dynamic_ratio', row)) ? fixed(100 * run.value('dynamic_ratio', row), 1) + ' %' : none)],
   ['moving objects', (run, row) => short(run.value('objects', row))],
   ['inliers / matches', (run, row) => short(run.value('feature_inliers', row)) + ' / ' + short(run.value('feature_matches', row))],
-  ['refinement', (run, row) => (run.refine_status[row] || 'not run') + (isNumber(run.value('references', row)) ? ', ' + run.value('references', row) + ' references' : '')],
+  ['refinement', (run, row) => (run.refine_status[row] || 'not run') + (isNumber(run.value('references', row)) ? ', ' + run.value('references', row) + (run.value('references', row) === 1 ? ' reference' : ' references') : '')],
   ['c_dir', (run, row) => fixed(run.value('c_dir', row), 3)],
   ['keyframes / landmarks', (run, row) => short(run.value('keyframes', row)) + ' / ' + short(run.value('landmarks', row))],
   ['time of the frame', (run, row) => fixed(run.value('ms_total', row), 1) + ' ms'],
