@@ -15,6 +15,12 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 linked = set()
 
 
+def on_files(files, config):
+    for file in [f for f in files if f.src_path in ("Doxyfile", "mainpage.dox", "site_hook.py")]:
+        files.remove(file)  # what the site is made with is no part of it
+    return files
+
+
 def on_page_markdown(markdown, page, config, **_):
     folder = posixpath.dirname(page.file.src_path)
     up = "../" * page.url.rstrip("/").count("/") + ("../" if page.url.rstrip("/") and page.url.endswith("/") else "")
