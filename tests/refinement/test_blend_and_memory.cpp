@@ -1,4 +1,5 @@
 #include <cmath>
+#include <limits>
 
 #include <doctest/doctest.h>
 
@@ -108,6 +109,37 @@ TEST_CASE("the joined pose is the most probable one of both") {
       off(i) = h;
       CHECK(least < cost(b.T_world_camera * se3_exp(off)));
     }
+  }
+}
+
+TEST_CASE("a joined pose of a BAD frame that lies outside of both poses gives way to the nearer one") {
+  // One pose knows the sum of height and pitch alone, the other the height: where the heights contradict each other by 5 cm, both are
+  // satisfied by a pitch that neither of them has.
+  Twist sum = Twist::Zero();
+  sum[1] = 1;
+  sum[3] = .3;
+  const Matrix6 little = Matrix6::Identity() * 10;
+  const Matrix6 one_direction = 1e8 * sum * sum.transpose() + little;
+  Matrix6 height = little;
+  height(1, 1) = 1e6;
+  const Pose Tf = room::pose(0, .05, 0, 0, 0, 0);
+  const Pose Td = Pose::Identity();
+  for (const bool direct_knows_height : {true, false}) {
+    CAPTURE(direct_knows_height);
+    BlendEvidence e{1, .9, .9};
+    e.feature_information = (direct_knows_height ? one_direction : height) / kFeatureInformationShare;
+    e.direct_information = direct_knows_height ? height : one_direction;
+    e.below_threshold = -.1;  // GOOD: the most probable pose, whatever it is
+    const Blended<Pose> good = blend(Tf, Td, Tf, e);
+    CHECK(rotation_angle(good.T_world_camera) > 6 * kDegree);
+    CHECK(motion_distance(good.T_world_camera, direct_knows_height ? Tf : Td) > kBlendOutside * motion_distance(Tf, Td));
+    e.below_threshold = .1;
+    const Blended<Pose> bad = blend(Tf, Td, Tf, e);
+    CHECK_FALSE(bad.gated);
+    CHECK(bad.w_eff == (direct_knows_height ? 0 : 1));
+    CHECK(bad.T_world_camera.matrix() == (direct_knows_height ? Td : Tf).matrix());
+    e.below_threshold = std::numeric_limits<double>::infinity();  // nobody says how far below
+    CHECK(blend(Tf, Td, Tf, e).w_eff == bad.w_eff);
   }
 }
 

@@ -55,6 +55,9 @@ struct BlendOptions {
 /// Poses farther apart than two units of motion_distance() are two answers, not one with noise: they are not averaged.
 inline constexpr double kBlendGateTranslation = 2 * kMotionSigmaTranslation;  ///< [m]
 inline constexpr double kBlendGateRotation = 2 * kMotionSigmaRotation;        ///< [rad]
+/// A joined pose so many times as far from one of both poses as they are from each other lies outside of both: what they are said to
+/// know contradicts each other.
+inline constexpr double kBlendOutside = 1.2;
 /// Standard deviation of a feature pose whose tracker does not tell its information: what apso_track reaches on static
 /// recordings.
 inline constexpr double kFeatureSigmaTranslation = 0.005;  ///< [m]
@@ -222,6 +225,13 @@ namespace detail {
     const Matrix6 F = scaled_information(trust, feature_information(e.feature_information));
     const Matrix6 D = scaled_information(1 - b.w_eff, e.direct_information);
     b.T_world_camera = join_by_information(T_feature, T_direct, F, D, b.w_eff, &b.w_eff);
+    const double to_feature = motion_distance(b.T_world_camera, T_feature);
+    const double to_direct = motion_distance(b.T_world_camera, T_direct);
+    const bool outside = std::max(to_feature, to_direct) > kBlendOutside * motion_distance(T_feature, T_direct);
+    if (outside && e.below_threshold > 0) {  // of a frame that is trusted neither is doubted
+      b.w_eff = to_feature < to_direct ? 1.0 : 0.0;
+      b.T_world_camera = to_feature < to_direct ? T_feature : T_direct;
+    }
   } else if (!(b.w_eff > 0)) {
     b.T_world_camera = T_direct;
   } else {
@@ -234,7 +244,8 @@ namespace detail {
 /// Weights, gate and blend in one. InformationWeighted weighs each pose by its information and by how far it is trusted,
 /// S_final F against c_dir D; the other forms average by w_diff = exp(-mu S_change). With c_dir = 0 the result is the feature
 /// pose. Of two poses that are too far apart the direct one is taken if it is trusted (c_dir > 0.5) and nearer to the
-/// prediction, else the feature pose. A pose that is no rigid motion (is_rigid(), e.g. NaN) is not used: the result is then the
+/// prediction, else the feature pose. Where the joined pose of a BAD frame lies outside of both, the nearer one of them is taken. A
+/// pose that is no rigid motion (is_rigid(), e.g. NaN) is not used: the result is then the
 /// other one, and contract_error when both are none. Of the evidence NaN counts as the worst, and information that is not finite
 /// as not told.
 /// \param T_predicted motion prediction, decides between poses that are too far apart; not finite: for the feature pose
