@@ -7,7 +7,11 @@ if(TARGET apso_track)
                                                      APSO_SYNTH="$<TARGET_FILE:apso_synth>"
                                                      APSO_MOTION="$<TARGET_FILE:apso_motion>"
                                                      APSO_WEIGHTS="$<TARGET_FILE:residual_weights>")
-  set_tests_properties(e2e PROPERTIES TIMEOUT 900)
+  set(_limit 900)
+  if(APSO_SANITIZE)  # under which programs are about ten times as slow
+    set(_limit 3600)
+  endif()
+  set_tests_properties(e2e PROPERTIES TIMEOUT ${_limit})
   add_test(NAME e2e_live COMMAND ${CMAKE_CURRENT_LIST_DIR}/live.sh $<TARGET_FILE:apso_track>)
   set_tests_properties(e2e_live PROPERTIES SKIP_RETURN_CODE 77 TIMEOUT 120)
 endif()
