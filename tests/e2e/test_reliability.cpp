@@ -77,6 +77,7 @@ class Endless {
  public:
   explicit Endless(const fs::path& out) : pid_((std::fflush(nullptr), ::fork())) {
     if (pid_ != 0) return;
+    for (const int stop : {SIGINT, SIGHUP, SIGTERM, SIGPIPE}) ::signal(stop, SIG_DFL);  // nohup, for one, has some ignored
     const std::string log = out.string() + ".log";
     if (std::freopen(log.c_str(), "w", stdout) == nullptr || ::dup2(1, 2) < 0) ::_exit(127);
     ::execl(APSO_TRACK, "apso_track", "synthetic:walking_xyz", "--max-frames", "100000", "--quiet", "--output", out.c_str(), nullptr);
