@@ -245,9 +245,8 @@ namespace detail {
 /// S_final F against c_dir D; the other forms average by w_diff = exp(-mu S_change). With c_dir = 0 the result is the feature
 /// pose. Of two poses that are too far apart the direct one is taken if it is trusted (c_dir > 0.5) and nearer to the
 /// prediction, else the feature pose. Where the joined pose of a BAD frame lies outside of both, the nearer one of them is taken. A
-/// pose that is no rigid motion (is_rigid(), e.g. NaN) is not used: the result is then the
-/// other one, and contract_error when both are none. Of the evidence NaN counts as the worst, and information that is not finite
-/// as not told.
+/// pose that is no rigid motion (is_rigid(), e.g. NaN) is not used: the result is then the other one, and contract_error when both
+/// are none. Of the evidence NaN counts as the worst, and information that is not finite as not told.
 /// \param T_predicted motion prediction, decides between poses that are too far apart; not finite: for the feature pose
 template <class PoseT>
 [[nodiscard]] Blended<PoseT> blend(const PoseT& T_feature, const PoseT& T_direct, const PoseT& T_predicted, const BlendEvidence& evidence,
