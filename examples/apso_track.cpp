@@ -169,12 +169,11 @@ void Run::process(int i) {
   const apso::FrameReport& report = pipeline.conclude();
   ms.refine = watch.lap();
   tracker.commit(report.T_world_camera, observation.mask.probability, report.keyframe_allowed);
+  const apso::PartChange change = tracker.reconnect();
   ms.map = watch.lap();
 
-  if (report.state != apso::SceneState::Lost) record_.final_poses.push_back({frame.timestamp, report.T_world_camera});
-  if (features.ok) record_.feature_poses.push_back({frame.timestamp, report.T_world_feature});
-  record_.reports.push_back(report);
-  table_->write(i, source_->label(i), report, observation, features, tracker.keyframes(), tracker.landmarks(), ms);
+  record_.add(report, features.ok, change);
+  table_->write(i, source_->label(i), report, observation, features, tracker.keyframes(), tracker.landmarks(), change.before, ms);
   cv::Mat overlay;
   const auto draw = [&] {
     if (overlay.empty()) overlay = apso::opencv::draw_overlay(frame.colour, observation, tracker.keypoints(), report);
@@ -196,6 +195,11 @@ void Run::process(int i) {
     apso::opencv::mask_to_8bit(observation.mask, picture);
     writer_->add([file = out_->file("masks/" + frame.name + ".png"), picture] { track::write_image(file, picture); });
   }
+  // Last: the observation drawn above is forgotten with all else that lies in the part that was left.
+  if (change.event == apso::PartEvent::Left) pipeline.reset();
+  if (change.event == apso::PartEvent::Joined) {
+    pipeline.correct([&](double, const apso::Pose& T) { return std::optional(apso::compose(change.T_part_before, T)); });
+  }
   ms.wall = whole.lap();
   record_.timings.push_back(ms);
   char state[64];
@@ -214,6 +218,7 @@ std::string Run::unused() const {
 /// Writes what is not written frame by frame, and prints the result.
 void Run::write() {
   const apso::Trajectory& truth = source_->groundtruth();
+  record_.choose_largest_part();
   apso::write_trajectory(out_->file("trajectory.txt").string(), record_.final_poses);
   apso::write_trajectory(out_->file("trajectory_features.txt").string(), record_.feature_poses);
   if (!truth.empty()) apso::write_trajectory(out_->file("groundtruth.txt").string(), truth);
@@ -250,6 +255,9 @@ void Run::tell(const json& summary) const {
               record_.repaired(), record_.predicted(), record_.in_state(apso::SceneState::Lost), record_.skipped.size());
   for (const json& s : record_.skipped) {
     std::printf("  skipped frame %d: %s\n", s["frame"].get<int>(), s["reason"].get<std::string>().c_str());
+  }
+  if (const std::size_t parts = summary["parts"]["connected"].size(); parts > 1) {
+    std::printf("the map has %zu parts that are not connected; trajectory.txt is of the largest\n", parts);
   }
   if (!a_.masks.empty()) {
     const std::vector<std::string>& problems = record_.use.problems;

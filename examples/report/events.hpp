@@ -68,9 +68,21 @@ inline std::string reference_event(const track::Run& run, std::size_t row) {
   return text;
 }
 
+/// What is told when the camera went on in another part of the map, or the part was joined with another one.
+/// \param change one of "changes" of the "parts" in summary.json
+/// \param last   the highest number of a part so far
+inline std::string part_event(const nlohmann::json& change, int last) {
+  const std::string to = "part " + std::to_string(change.at("to").get<int>());
+  if (change.at("event") == "joined")
+    return "part " + std::to_string(change.at("from").get<int>()) + " was recognised in " + to + " and joined with it";
+  return change.at("to").get<int>() > last ? "lost for a second on good images: " + to + " of the map begins"
+                                           : "found again in " + to + " of the map";
+}
+
 /// Events in the order of their frames: {"row", "time", "kind", "text"}. The row is that of the table of frames.
 /// \param skipped of summary.json: frames whose images cannot be read
-inline nlohmann::json events(const track::Run& run, const nlohmann::json& skipped) {
+/// \param changes of the "parts" in summary.json
+inline nlohmann::json events(const track::Run& run, const nlohmann::json& skipped, const nlohmann::json& changes) {
   using nlohmann::json;
   std::vector<json> all;
   const double t0 = run.frames.front().timestamp;
@@ -94,11 +106,21 @@ inline nlohmann::json events(const track::Run& run, const nlohmann::json& skippe
     if (f.label != label_before)
       add(i, f.timestamp, "difficulty", f.label.empty() ? "end of " + label_before : "known difficulty: " + f.label);
   }
-  for (const json& s : skipped) {
-    const double time = s.at("timestamp").get<double>();
+  const auto row_at = [&](double time) {
     std::size_t row = 0;
     while (row + 1 < n && run.frames[row + 1].timestamp <= time) ++row;
-    add(row, time, "skipped", "frame " + std::to_string(s.at("frame").get<int>()) + " has no images: " + s.at("reason").get<std::string>());
+    return row;
+  };
+  int last_part = 0;
+  for (const json& c : changes) {
+    const double time = c.at("timestamp").get<double>();
+    add(row_at(time), time, "map", part_event(c, last_part));
+    last_part = std::max(last_part, c.at("to").get<int>());
+  }
+  for (const json& s : skipped) {
+    const double time = s.at("timestamp").get<double>();
+    add(row_at(time), time, "skipped",
+        "frame " + std::to_string(s.at("frame").get<int>()) + " has no images: " + s.at("reason").get<std::string>());
   }
   std::stable_sort(all.begin(), all.end(), [](const json& a, const json& b) { return a["time"].get<double>() < b["time"].get<double>(); });
   return all;

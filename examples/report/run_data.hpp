@@ -155,7 +155,8 @@ inline json run_data(const fs::path& folder, const std::string& name = {}) {
       if (p.timestamp >= first && p.timestamp <= last) data["truth"].push_back(point(p.T_world_body.translation()));
     }
   }
-  data["events"] = events(run, summary.value("skipped", json::array()));
+  const json parts = summary.value("parts", json::object());
+  data["events"] = events(run, summary.value("skipped", json::array()), parts.value("changes", json::array()));
   data["frame_scores"] = json::array();
   data["change_scores"] = json::array();
   apso::for_each_frame_score(apso::Assessment{}, [&](const char* score, auto&&...) { data["frame_scores"].push_back(score); });

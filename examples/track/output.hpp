@@ -63,7 +63,7 @@ class FrameTable {
     apso::for_each_change_score(apso::Assessment{}, name_column);
     stream_ << "S_change,S_step,dynamic_ratio,"
                "W_base,W_change,S_final,th_differ,th_f,th_s,degraded,benchmark_updated,benchmark_age_s,"
-               "objects,feature_ok,feature_matches,feature_inliers,keyframes,landmarks,refined,refine_status,w_diff,w_eff,"
+               "objects,feature_ok,feature_matches,feature_inliers,keyframes,landmarks,part,refined,refine_status,w_diff,w_eff,"
                "c_dir,references,far_reference,gated,pose_source,valid_share,scale_intensity,scale_depth,degenerate_directions,"
                "iterations,ms_load,ms_features,ms_observe,ms_assess,ms_refine,ms_map,ms_total,";
     apso::for_each_measurement(apso::Assessment{}, name_column);
@@ -73,7 +73,7 @@ class FrameTable {
 
   template <class FeatureResult>
   void write(int frame, const std::string& label, const apso::FrameReport& r, const apso::Observation& seen, const FeatureResult& features,
-             int keyframes, int landmarks, const Timing& ms) {
+             int keyframes, int landmarks, int part, const Timing& ms) {
     const apso::Assessment& a = r.assessment;
     first_ = true;
     put(frame);
@@ -106,6 +106,7 @@ class FrameTable {
     put(features.inliers);
     put(keyframes);
     put(landmarks);
+    put(part);
     put(r.refined ? 1 : 0);
     const bool tried = r.refinement.status != apso::Status::NotRun;
     const apso::Refinement& d = r.refinement;

@@ -15,6 +15,8 @@
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/opencv/detectors/precomputed_motion.hpp>
 #include <apso/pipeline/report.hpp>
+#include <apso/tracker/map_parts.hpp>
+#include <apso/tracker/parted_trajectory.hpp>
 #include <apso/version.hpp>
 
 #include "output.hpp"
@@ -24,14 +26,38 @@ namespace track {
 
 /// What is kept of all frames of a run.
 struct Record {
-  apso::Trajectory final_poses;
-  apso::Trajectory feature_poses;
+  apso::PartedTrajectory all_poses;     ///< of all parts of the map
+  apso::PartedTrajectory all_features;  ///< poses of the features
+  struct Change {
+    double timestamp = 0;
+    apso::PartChange change;
+  };
+  std::vector<Change> changes;             ///< where a part was left or joined
+  int part = 0;                            ///< the largest
+  apso::Trajectory final_poses;            ///< of the largest part
+  apso::Trajectory feature_poses;          ///< of the same
   std::vector<apso::FrameReport> reports;  ///< of the frames processed
   std::vector<Timing> timings;             ///< of the same frames
   nlohmann::json skipped = nlohmann::json::array();
   apso::opencv::FileUse use;  ///< of masks and detections of another program
   int softened = 0;           ///< frames in which dynamic features counted a little
   std::string failure;        ///< why the run ended early; empty: it did not
+
+  void add(const apso::FrameReport& report, bool feature_pose, const apso::PartChange& change) {
+    reports.push_back(report);
+    if (report.state != apso::SceneState::Lost) all_poses.add(report.timestamp, report.T_world_camera, change.before);
+    if (feature_pose) all_features.add(report.timestamp, report.T_world_feature, change.before);
+    if (change.event == apso::PartEvent::None) return;
+    all_poses.follow(change);
+    all_features.follow(change);
+    changes.push_back({report.timestamp, change});
+  }
+  /// Poses of different parts cannot be compared: a trajectory is of one.
+  void choose_largest_part() {
+    part = all_poses.largest();
+    final_poses = all_poses.of(part);
+    feature_poses = all_features.of(part);
+  }
   [[nodiscard]] int refined() const {
     return count([](const apso::FrameReport& r) { return r.refined; });
   }
@@ -93,6 +119,25 @@ inline nlohmann::json stage_times(const std::vector<Timing>& timings) {
           {"total", column([](const Timing& t) { return t.total(); })},   {"wall", column([](const Timing& t) { return t.wall; })}};
 }
 
+/// The parts of the map that have poses, and what happened to them; poses of the one that is `written` are in trajectory.txt.
+inline nlohmann::json parts_of_map(const Record& r) {
+  nlohmann::json parts = nlohmann::json::array();
+  nlohmann::json changes = nlohmann::json::array();
+  int last = 0;
+  for (const Record::Change& c : r.changes) {
+    last = std::max(last, c.change.part);
+    changes.push_back({{"timestamp", c.timestamp},
+                       {"event", enum_names(c.change.event)[static_cast<std::size_t>(c.change.event)]},
+                       {"from", c.change.before},
+                       {"to", c.change.part}});
+  }
+  for (int i = 0; i <= last; ++i) {
+    const std::size_t poses = r.all_poses.of(i).size();
+    if (poses > 0) parts.push_back({{"part", i}, {"poses", poses}, {"written", i == r.part}});
+  }
+  return {{"connected", parts}, {"changes", changes}};
+}
+
 /// Everything of summary.json that follows from the frames and the ground truth.
 /// \param total       frames of the sequence that were to be processed
 /// \param groundtruth empty: no errors
@@ -114,6 +159,7 @@ inline nlohmann::json summarise(const Record& r, int total, const apso::Trajecto
                        {"repaired", r.repaired()},
                        {"predicted", r.predicted()},
                        {"soft_weights", r.softened}};
+  summary["parts"] = parts_of_map(r);
   summary["skipped"] = r.skipped;
   summary["mask_problems"] = r.use.problems;
   summary["ms"] = stage_times(r.timings);

@@ -167,7 +167,9 @@
 #include <apso/tracker/landmark_tracker.hpp>
 #include <apso/tracker/landmark_tracker_options.hpp>
 #include <apso/tracker/local_map.hpp>
+#include <apso/tracker/map_parts.hpp>
 #include <apso/tracker/map_update.hpp>
+#include <apso/tracker/parted_trajectory.hpp>
 #include <apso/tracker/relocalisation.hpp>
 #include <apso/tracker/solvers/moving_bodies.hpp>
 #include <apso/tracker/solvers/pose_optimisation.hpp>

@@ -97,6 +97,35 @@ template <class Mask>
   }
 }
 
+/// Weighs all features by their probability of being static, and counts those that are left with depth.
+template <class Mask>
+void weigh(const Mask& dynamic_probability, double threshold, WeightedFeatures& features) {
+  const std::size_t n = features.keypoints.size();
+  features.weight.resize(n);
+  features.with_depth = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    features.weight[i] = static_weight(dynamic_probability, features.keypoints[i].x, features.keypoints[i].y, threshold);
+    if (features.weight[i] > 0 && features.inverse_depth[i] > 0) ++features.with_depth;
+  }
+}
+
+/// Takes in keypoints, and measures the depth at each.
+/// \param keypoints any range with keypoint_traits
+/// \param depth     any image in metres
+/// \param sigma     of a depth measurement on a smooth surface [1/m]
+template <class Keypoints, class DepthImage>
+void copy_keypoints(const Keypoints& keypoints, const DepthImage& depth, const DepthRange& range, float sigma, FeatureSet& out) {
+  out.keypoints.clear();
+  out.inverse_depth.clear();
+  out.inverse_depth_sigma.clear();
+  for_each_keypoint(keypoints, [&](const Keypoint& k) {
+    out.keypoints.push_back(k);
+    const InverseDepth d = measure_depth(depth, k.x, k.y, range, sigma);
+    out.inverse_depth.push_back(d.value);
+    out.inverse_depth_sigma.push_back(d.sigma);
+  });
+}
+
 /// Takes in descriptors of 32 bytes: an image of bytes with one row of 32 for each keypoint (e.g. a `cv::Mat_<uchar>`), or
 /// a range of `Descriptor`. Their number is checked by the caller.
 template <class Descriptors>

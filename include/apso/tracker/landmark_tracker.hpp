@@ -21,6 +21,7 @@
 #include <apso/tracker/landmark_matching.hpp>
 #include <apso/tracker/landmark_tracker_options.hpp>
 #include <apso/tracker/local_map.hpp>
+#include <apso/tracker/map_parts.hpp>
 #include <apso/tracker/map_update.hpp>
 #include <apso/tracker/relocalisation.hpp>
 #include <apso/tracker/track_motion.hpp>
@@ -64,15 +65,7 @@ class BasicLandmarkTracker {
             "LandmarkTracker::begin: the depth image must have the size of the camera");
     timestamp_ = frame.timestamp;
     const auto sigma = static_cast<float>(options_.inverse_depth_sigma);
-    features_.keypoints.clear();
-    features_.inverse_depth.clear();
-    features_.inverse_depth_sigma.clear();
-    for_each_keypoint(keypoints, [&](const Keypoint& k) {
-      features_.keypoints.push_back(k);
-      const InverseDepth d = measure_depth(depth, k.x, k.y, options_.depth, sigma);
-      features_.inverse_depth.push_back(d.value);
-      features_.inverse_depth_sigma.push_back(d.sigma);
-    });
+    copy_keypoints(keypoints, depth, options_.depth, sigma, features_);
     copy_descriptors(descriptors, features_.descriptors);
     expects(features_.descriptors.size() == features_.keypoints.size(),
             "LandmarkTracker::begin: there must be as many descriptors as keypoints");
@@ -103,8 +96,28 @@ class BasicLandmarkTracker {
     const Pose T = to_pose(T_world_camera);
     expects(is_finite(T), "LandmarkTracker::commit: the pose is not finite");
     weigh(dynamic_probability);
-    leave_out_bodies(T);
+    motion_.leave_out_bodies(camera_, T, features_);
     finish(T, allow_keyframe);
+  }
+
+  /// For programs that can deal with a map of several parts, after each commit(): a camera that is lost for a second on good images
+  /// begins a new part, or finds an earlier one; a part that is recognised in an earlier one is joined with it. Where this is never
+  /// called the map has one part, and a lost camera waits until it recognises it.
+  /// \return what became of the part. If it was left, forget all poses (Pipeline::reset()); if it was joined, move them
+  ///         (Pipeline::correct()). PartedTrajectory keeps the poses of all parts
+  BasicPartChange<PoseT> reconnect() {
+    expects(!begun_, "LandmarkTracker::reconnect: call commit first");
+    MapParts::Frame frame{timestamp_, frame_number_, T_world_previous_, lost_, placed_};
+    const PartChange found = parts_.update(features_, whole_keyframes(), options_.max_keyframes, matcher_, map_, frame, seen_);
+    if (found.event != PartEvent::None) T_world_previous_ = T_world_predicted_ = frame.T_world_camera;
+    if (found.event == PartEvent::Left) {
+      step_ = identity_pose();
+      step_time_ = 0;
+      lost_ = map_.living_keyframes() > 0;  // a new part begins with the next frame
+      misses_ = lost_ ? 1 : 0;
+      relocalised_at_ = timestamp_;
+    }
+    return in_type<PoseT>(found);
   }
 
   [[nodiscard]] const std::vector<Keypoint>& keypoints() const { return features_.keypoints; }
@@ -130,27 +143,8 @@ class BasicLandmarkTracker {
       expects(width == 0 || height == 0 || (width == camera_.width && height == camera_.height),
               "LandmarkTracker: the mask must be empty or have the size of the camera");
     }
-    const std::size_t n = features_.keypoints.size();
-    features_.weight.resize(n);
-    features_.with_depth = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-      features_.weight[i] = static_weight(mask, features_.keypoints[i].x, features_.keypoints[i].y, options_.dynamic_threshold);
-      if (features_.weight[i] > 0 && features_.inverse_depth[i] > 0) ++features_.with_depth;
-    }
+    apso::weigh(mask, options_.dynamic_threshold, features_);
     motion_.weigh(mask, options_.dynamic_threshold);
-  }
-  // Features on bodies that the tracks show to move are not used either.
-  void leave_out_bodies(const Pose& T_world_camera) {
-    if (!motion_.bodies().any()) return;
-    for (std::size_t i = 0; i < features_.weight.size(); ++i) {
-      const float inverse_depth = features_.inverse_depth[i];
-      if (!(features_.weight[i] > 0) || !(inverse_depth > 0)) continue;
-      const Keypoint& k = features_.keypoints[i];
-      const Eigen::Vector3d p = camera_.unproject(k.x, k.y, 1.0 / static_cast<double>(inverse_depth));
-      if (!motion_.bodies().moves(transform(T_world_camera, p))) continue;
-      features_.weight[i] = 0;
-      --features_.with_depth;
-    }
   }
 
   /// The previous pose moved on with the velocity of the last step.
@@ -182,20 +176,11 @@ class BasicLandmarkTracker {
       return result(found);
     }
     track_inliers_ = motion_.find_pose(camera_, T_world_previous_, moved_on(), frame_seed(), T_world_predicted_);
-    leave_out_bodies(T_world_predicted_);
+    motion_.leave_out_bodies(camera_, T_world_predicted_, features_);
     found.T_world_camera = T_world_predicted_;
     matcher_.collect(map_, seen_, kWindowKeyframes);
     search_near_prediction(found);
-    if (!accepted(found)) {
-      RelocalisationInput lost;
-      lost.T_world_predicted = T_world_predicted_;
-      lost.lost = misses_ > 0;
-      lost.window = kWindowKeyframes;
-      lost.min_inliers = kMinInliersRelocalised;
-      lost.min_inliers_last = needed_inliers(false);
-      lost.seed = frame_seed();
-      relocalise(map_, features_, lost, matcher_, seen_, found);
-    }
+    if (!accepted(found)) relocalise(map_, features_, whole_keyframes(), matcher_, seen_, found);
     ok_ = accepted(found);
     if (!ok_) {
       found.T_world_camera = T_world_predicted_;
@@ -204,6 +189,17 @@ class BasicLandmarkTracker {
       if (ok_) found.status = Status::Converged;
     }
     return result(found);
+  }
+
+  [[nodiscard]] RelocalisationInput whole_keyframes() const {
+    RelocalisationInput input;
+    input.T_world_predicted = T_world_predicted_;
+    input.lost = misses_ > 0;
+    input.window = kWindowKeyframes;
+    input.min_inliers = kMinInliersRelocalised;
+    input.min_inliers_last = needed_inliers(false);
+    input.seed = frame_seed();
+    return input;
   }
 
   void search_near_prediction(MapPose& found) {
@@ -242,6 +238,7 @@ class BasicLandmarkTracker {
     begun_ = false;
     Pose T = normalized(T_world_camera);
     const bool from_map = ok_ && !from_tracks_;
+    placed_ = from_map && allow_keyframe;
     misses_ = from_map ? 0 : misses_ + 1;
     lost_ = !ok_ && !allow_keyframe;
     if (relocalised_ && ok_) relocalised_at_ = timestamp_;
@@ -297,7 +294,8 @@ class BasicLandmarkTracker {
 
   Pinhole camera_;
   LandmarkTrackerOptions options_;
-  LocalMap map_;
+  LocalMap map_;  // the part that the camera is in
+  MapParts parts_;
   PassMarks marks_;
   AdjustmentBuffers adjustment_;
   LandmarkMatcher matcher_;
@@ -321,8 +319,9 @@ class BasicLandmarkTracker {
   bool from_tracks_ = false;
   bool relocalised_ = false;
   int track_inliers_ = 0;
-  bool lost_ = false;  // neither features nor a sure pose told where the frame before was: tracks from there lead to no place
-  int misses_ = 0;     // frames in a row without a pose from the map
+  bool lost_ = false;    // neither features nor a sure pose told where the frame before was: tracks from there lead to no place
+  int misses_ = 0;       // frames in a row without a pose from the map
+  bool placed_ = false;  // by the map, and trusted
 };
 
 using LandmarkTracker = BasicLandmarkTracker<>;

@@ -109,19 +109,8 @@ class LocalMap {
 
   /// Creates a landmark from a feature with depth.
   int add_landmark(const Pinhole& camera, int keyframe, int feature, int frame_number) {
-    int i;
-    if (!free_.empty()) {
-      i = free_.back();
-      free_.pop_back();
-      landmark(i) = MapLandmark{};
-    } else {
-      i = static_cast<int>(landmarks_.size());
-      landmarks_.emplace_back();
-    }
-    MapLandmark& l = landmark(i);
-    l.alive = true;
-    l.born = frame_number;
-    ++living_landmarks_;
+    const int i = new_landmark();
+    landmark(i).born = frame_number;
     add_view(i, keyframe, feature);
     move_with_keyframe(i, camera);
     return i;
@@ -176,6 +165,29 @@ class LocalMap {
     for (; !keyframes_.empty() && !keyframes_.front().alive; ++first_keyframe_) keyframes_.pop_front();
   }
 
+  /// Takes over the keyframes and landmarks of another map, as later than its own.
+  /// \param T_this_other takes points of the other map into this one
+  void append(LocalMap other, const Pose& T_this_other) {
+    const int shift = last_keyframe() + 1 - other.first_keyframe_;
+    std::vector<int> number(other.landmarks_.size(), -1);
+    for (std::size_t i = 0; i < other.landmarks_.size(); ++i) {
+      MapLandmark& l = other.landmarks_[i];
+      if (!l.alive) continue;
+      number[i] = new_landmark();
+      l.point = transform(T_this_other, l.point);
+      l.direction = transform(T_this_other, l.direction) - translation(T_this_other);
+      for (LandmarkView& v : l.views) v.keyframe += shift;
+      landmark(number[i]) = std::move(l);
+    }
+    for (MapKeyframe& k : other.keyframes_) {
+      k.T_world_camera = compose(T_this_other, k.T_world_camera);
+      for (int& l : k.landmark)
+        if (l >= 0) l = number[static_cast<std::size_t>(l)];
+      keyframes_.push_back(std::move(k));
+    }
+    living_keyframes_ += other.living_keyframes_;
+  }
+
   /// Descriptor, viewing direction and scale from the views.
   void refresh(int landmark_index, const Octaves& octaves) {
     MapLandmark& l = landmark(landmark_index);
@@ -212,6 +224,20 @@ class LocalMap {
   }
 
  private:
+  [[nodiscard]] int new_landmark() {
+    int i;
+    if (!free_.empty()) {
+      i = free_.back();
+      free_.pop_back();
+      landmark(i) = MapLandmark{};
+    } else {
+      i = static_cast<int>(landmarks_.size());
+      landmarks_.emplace_back();
+    }
+    landmark(i).alive = true;
+    ++living_landmarks_;
+    return i;
+  }
   // Keyframes take memory in a few sizes, so that what one leaves fits another, and the heap of a long run does not fall to pieces.
   [[nodiscard]] static std::size_t room(std::size_t features) { return (features + 255) / 256 * 256; }
   template <class T>

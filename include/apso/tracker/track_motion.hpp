@@ -81,6 +81,20 @@ class TrackMotion {
     T_world_camera = refined.T_world_camera;
     return refined.inliers;
   }
+  /// Features on bodies that the tracks show to move are not used.
+  /// \param[in,out] features their weights
+  void leave_out_bodies(const Pinhole& camera, const Pose& T_world_camera, WeightedFeatures& features) const {
+    if (!bodies_.any()) return;
+    for (std::size_t i = 0; i < features.weight.size(); ++i) {
+      const float inverse_depth = features.inverse_depth[i];
+      if (!(features.weight[i] > 0) || !(inverse_depth > 0)) continue;
+      const Keypoint& k = features.keypoints[i];
+      const Eigen::Vector3d p = camera.unproject(k.x, k.y, 1.0 / static_cast<double>(inverse_depth));
+      if (!bodies_.moves(transform(T_world_camera, p))) continue;
+      features.weight[i] = 0;
+      --features.with_depth;
+    }
+  }
   /// Bodies that move, by the tracks of the last find_pose().
   [[nodiscard]] const MovingBodies& bodies() const { return bodies_; }
 
