@@ -36,6 +36,9 @@
 /// examples/minimal_tracker.cpp is a program from a folder of images to a trajectory. If you have a SLAM system already, keep
 /// its tracker and use apso/pipeline/pipeline.hpp alone.
 ///
+/// A camera that is lost waits until it sees what the map knows. A program that can deal with a map of several parts calls
+/// tracker.reconnect() after commit(), see docs/tracker.md.
+///
 /// Poses are T_world_camera: they map points of the camera (x right, y down, z forward [m]) into the world, which is the camera
 /// of the first frame. Nothing given is referred to after a call has returned. Results are deterministic.
 #pragma once
