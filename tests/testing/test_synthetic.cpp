@@ -185,7 +185,7 @@ TEST_CASE("sizes, ranges and the camera") {
 }
 
 TEST_CASE("exact frames agree when warped by the exact poses") {
-  for (const char* name : {"walking_xyz", "walking_halfsphere", "walking_rpy", "walking_static"}) {
+  for (const char* name : {"walking_xyz", "walking_halfsphere", "walking_rpy", "walking_static", "walking_360"}) {
     CAPTURE(name);
     SyntheticOptions o = small();
     o.noise = o.blur = o.exposure_drift = false;
@@ -248,7 +248,7 @@ TEST_CASE("exact frames agree when warped by the exact poses") {
 
 TEST_CASE("static recordings hold nobody, nor does people = 0") {
   SyntheticFrame f;
-  for (const char* name : {"static_xyz", "static_rpy", "static_halfsphere", "static_static"}) {
+  for (const char* name : {"static_xyz", "static_rpy", "static_halfsphere", "static_static", "static_360"}) {
     const SyntheticSequence s(name, small(2));
     CHECK(s.people() == 0);
     for (int i = 0; i < s.size(); i += 60) {

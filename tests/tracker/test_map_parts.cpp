@@ -149,6 +149,57 @@ TEST_CASE("a camera that is lost again finds its way back to an earlier part") {
   }
 }
 
+TEST_CASE("where a camera comes back to a place, the local map has what was seen there, though nothing is shared") {
+  testing::SyntheticSequence room("static_xyz", small_room());
+  testing::SyntheticFeatures found(room.camera(), 20, 0.0);
+  testing::SyntheticFrame image;
+  LocalMap map;
+  LandmarkMatcher matcher(room.camera(), Octaves{});
+  const auto add = [&](int i, const Pose& T_world_camera) {  // every keyframe has landmarks of its own
+    room.render(i, image);
+    found.find(image);
+    WeightedFeatures features;
+    copy_keypoints(found.keypoints(), image.depth, DepthRange{}, 0.003F, features);
+    features.descriptors = found.descriptors();
+    weigh(none, 0.5, features);
+    KeyframeInput input;
+    input.timestamp = i;
+    input.T_world_camera = T_world_camera;
+    new_keyframe(room.camera(), features, {}, input, map);
+  };
+  const auto moved = [](double x, double yaw) { return se3_exp(Twist((Twist() << x, 0, 0, 0, yaw, 0).finished())); };
+  constexpr int kWindow = 2;
+  add(0, moved(0, 0));
+  add(1, moved(0.1, 0));
+  for (int i = 2; i < 6; ++i) add(i, moved(0.3, 0));
+  const auto local = [&](int keyframe) {  // whether its landmarks are in the local map
+    for (const LocalLandmark& l : matcher.local())
+      if (map.landmark(l.landmark).views.front().keyframe == keyframe) return true;
+    return false;
+  };
+  const std::vector<int> nothing;
+  matcher.collect(map, nothing, kWindow, moved(0, 0));
+  CHECK_FALSE(local(0));  // near, but the camera has not been anywhere else
+  CHECK(local(5));
+  for (int i = 6; i < 9; ++i) add(i, moved(1.5, 0));
+  matcher.collect(map, nothing, kWindow);
+  CHECK_FALSE(local(0));
+  matcher.collect(map, nothing, kWindow, moved(0, 0));
+  CHECK(local(0));
+  CHECK(local(1));
+  CHECK(local(8));
+  CHECK_FALSE(local(6));
+  std::vector<int> numbers;
+  for (const LocalLandmark& l : matcher.local()) numbers.push_back(l.landmark);
+  std::sort(numbers.begin(), numbers.end());
+  CHECK(std::adjacent_find(numbers.begin(), numbers.end()) == numbers.end());  // none twice
+  matcher.collect(map, nothing, kWindow, moved(0, 0.7));                       // looking 40 degrees to the side it is another place
+  CHECK_FALSE(local(0));
+  matcher.collect(map, nothing, kWindow, moved(-0.45, 0));
+  CHECK(local(0));
+  CHECK_FALSE(local(1));
+}
+
 TEST_CASE("a map that takes over another one has all of both, and everybody still sees whom they saw") {
   testing::SyntheticSequence room("static_xyz", small_room());
   testing::SyntheticFeatures found(room.camera(), 20, 0.0);

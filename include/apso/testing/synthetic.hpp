@@ -139,10 +139,10 @@ class SyntheticSequence {
 
   /// All names that the constructor accepts.
   [[nodiscard]] static std::vector<std::string> names() {
-    return {"walking_xyz",       "walking_halfsphere", "walking_rpy",    "walking_static", "rising_xyz",
-            "rising_halfsphere", "rising_rpy",         "rising_static",  "static_xyz",     "static_halfsphere",
-            "static_rpy",        "static_static",      "stress_ceiling", "stress_roll",    "stress_crowd",
-            "stress_dark",       "stress_flash",       "stress_dropout", "stress_all"};
+    return {"walking_xyz",    "walking_halfsphere", "walking_rpy",  "walking_static",    "rising_xyz",   "rising_halfsphere",
+            "rising_rpy",     "rising_static",      "static_xyz",   "static_halfsphere", "static_rpy",   "static_static",
+            "stress_ceiling", "stress_roll",        "stress_crowd", "stress_dark",       "stress_flash", "stress_dropout",
+            "stress_all",     "walking_360",        "static_360"};
   }
 
   [[nodiscard]] int size() const { return options_.frames; }
@@ -272,6 +272,7 @@ class SyntheticSequence {
     if (kind == "xyz" || starts(name, "stress_")) return CameraMotion::Xyz;
     if (kind == "halfsphere") return CameraMotion::Halfsphere;
     if (kind == "rpy") return CameraMotion::Rpy;
+    if (kind == "360") return CameraMotion::Turn;
     return CameraMotion::Static;
   }
 

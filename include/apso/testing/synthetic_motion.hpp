@@ -1,5 +1,5 @@
 /// \file
-/// The camera of the synthetic room, on the four kinds of path of the TUM freiburg3 recordings: functions of time, so
+/// The camera of the synthetic room, on the kinds of path of the TUM freiburg3 and 360 recordings: functions of time, so
 /// frames can be rendered in any order.
 #pragma once
 
@@ -23,7 +23,8 @@ enum class CameraMotion {
   Static,      ///< held still: a few millimetres, a few tenths of a degree
   Xyz,         ///< back and forth along one axis after the other, +-0.35 m, fixed orientation
   Halfsphere,  ///< on a half sphere of 1 m diameter, looking at its centre
-  Rpy          ///< fast rotation about one axis after the other at a fixed position; sees the ceiling
+  Rpy,         ///< fast rotation about one axis after the other at a fixed position; sees the ceiling
+  Turn         ///< round and round on a circle of 0.8 m diameter, looking outwards: a turn takes 11 s
 };
 
 /// The path of a hand-held camera, a smooth function of time.
@@ -80,6 +81,13 @@ class CameraPath {
         if (s.axis == 1) roll_pitch_yaw[1] += degree * (27 * s.value + 8 * s.bump);
         if (s.axis == 2) roll_pitch_yaw[2] += 28 * degree * direction_ * s.value;
         p += Eigen::Vector3d(0.025 * tremor(6, t), 0.02 * tremor(7, t), 0.025 * tremor(8, t));
+        break;
+      }
+      case CameraMotion::Turn: {
+        const double azimuth = direction_ * 2 * kPi * t / 11.0;
+        looks = rotation(azimuth, 0, 0);
+        p += Eigen::Vector3d(0.4 * std::sin(azimuth), 0.02 * tremor(7, t), 0.4 * (std::cos(azimuth) - 1));
+        roll_pitch_yaw *= 4;
         break;
       }
     }

@@ -72,11 +72,32 @@ class LandmarkMatcher {
       keyframes_.push_back(map.first_keyframe() + static_cast<int>(most - shared_.begin()));
       *most = 0;
     }
-    local_.clear();
-    taken_landmarks_.begin(map.landmarks().size());
-    for (int k : keyframes_)
-      for (int l : map.keyframe(k).landmark)
-        if (l >= 0 && taken_landmarks_.mark(l)) local_.push_back({l, 0, 0, -1, false});
+    add_landmarks(map);
+  }
+
+  /// The same, and where the path comes back to a place, landmarks of keyframes that stood near the pose and looked the same way before
+  /// it was left. What is seen there is on the map twice, and nothing is shared: the older landmarks undo the drift of the way round.
+  void collect(const LocalMap& map, const std::vector<int>& seen, int window, const Pose& T_world_camera) {
+    collect(map, seen, window);
+    remoteness_.assign(map.kept_keyframes(), 1.0);
+    const Pose T_camera_world = inverse(T_world_camera);
+    bool left = false;
+    for (int k = map.last_keyframe(); k >= map.first_keyframe(); --k) {
+      if (!map.keyframe(k).alive) continue;
+      const Pose T_camera_keyframe = compose(T_camera_world, map.keyframe(k).T_world_camera);
+      const double remote = std::max(norm(translation(T_camera_keyframe)) / kNearby, rotation_angle(T_camera_keyframe) / kSameView);
+      left = left || remote > kElsewhere;
+      if (left) remoteness_[map.slot(k)] = remote;
+    }
+    for (int k : keyframes_) remoteness_[map.slot(k)] = 1.0;
+    const std::size_t local = keyframes_.size();
+    while (keyframes_.size() < local + kMaxNearby) {
+      const auto nearest = std::min_element(remoteness_.begin(), remoteness_.end());
+      if (nearest == remoteness_.end() || *nearest >= 1.0) break;
+      keyframes_.push_back(map.first_keyframe() + static_cast<int>(nearest - remoteness_.begin()));
+      *nearest = 1.0;
+    }
+    if (keyframes_.size() > local) add_landmarks(map);
   }
 
   /// Pairs local landmarks with keypoints near their projections.
@@ -191,8 +212,20 @@ class LandmarkMatcher {
   [[nodiscard]] const Octaves& octaves() const { return octaves_; }
 
  private:
+  void add_landmarks(const LocalMap& map) {
+    local_.clear();
+    taken_landmarks_.begin(map.landmarks().size());
+    for (int k : keyframes_)
+      for (int l : map.keyframe(k).landmark)
+        if (l >= 0 && taken_landmarks_.mark(l)) local_.push_back({l, 0, 0, -1, false});
+  }
+
   static constexpr std::size_t kUsual = 4096;       // room for so many landmarks of the local map from the beginning
   static constexpr int kMinShared = 10;             // landmarks in common that make a keyframe local
+  static constexpr std::size_t kMaxNearby = 5;      // keyframes that share nothing with what is seen
+  static constexpr double kNearby = 0.5;            // [m]
+  static constexpr double kSameView = 0.5;          // [rad]
+  static constexpr double kElsewhere = 2;           // times as far off: 1 m or 57 degrees
   static constexpr double kNear = 10;               // a search radius up to this is a search around a pose that is known [px]
   static constexpr double kBorder = 16;             // descriptors need this much of the image [px]
   static constexpr double kMinCosine = 0.5;         // seen from more than 60 degrees elsewhere a point looks different
@@ -266,6 +299,7 @@ class LandmarkMatcher {
   Octaves octaves_;
   std::vector<int> keyframes_;
   std::vector<int> shared_;
+  std::vector<double> remoteness_;  // of each keyframe kept, 1 and more = elsewhere
   PassMarks taken_landmarks_;
   std::vector<LocalLandmark> local_;
   std::vector<LandmarkMatch> matches_;

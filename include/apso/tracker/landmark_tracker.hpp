@@ -178,7 +178,7 @@ class BasicLandmarkTracker {
     track_inliers_ = motion_.find_pose(camera_, T_world_previous_, moved_on(), frame_seed(), T_world_predicted_);
     motion_.leave_out_bodies(camera_, T_world_predicted_, features_);
     found.T_world_camera = T_world_predicted_;
-    matcher_.collect(map_, seen_, kWindowKeyframes);
+    matcher_.collect(map_, seen_, kWindowKeyframes, T_world_predicted_);
     search_near_prediction(found);
     if (!accepted(found)) relocalise(map_, features_, whole_keyframes(), matcher_, seen_, found);
     ok_ = accepted(found);
