@@ -11,12 +11,12 @@
 #include <nlohmann/json.hpp>
 
 #include <apso/evaluation/ate.hpp>
+#include <apso/evaluation/parted_trajectory.hpp>
 #include <apso/evaluation/rpe.hpp>
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/opencv/detectors/precomputed_motion.hpp>
 #include <apso/pipeline/report.hpp>
 #include <apso/tracker/map_parts.hpp>
-#include <apso/tracker/parted_trajectory.hpp>
 #include <apso/version.hpp>
 
 #include "output.hpp"

@@ -27,6 +27,7 @@
 #include <apso/evaluation/association.hpp>
 #include <apso/evaluation/ate.hpp>
 #include <apso/evaluation/decision_analysis.hpp>
+#include <apso/evaluation/parted_trajectory.hpp>
 #include <apso/evaluation/rpe.hpp>
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/executor.hpp>
@@ -169,7 +170,6 @@
 #include <apso/tracker/local_map.hpp>
 #include <apso/tracker/map_parts.hpp>
 #include <apso/tracker/map_update.hpp>
-#include <apso/tracker/parted_trajectory.hpp>
 #include <apso/tracker/relocalisation.hpp>
 #include <apso/tracker/solvers/moving_bodies.hpp>
 #include <apso/tracker/solvers/pose_optimisation.hpp>

@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <vector>
 
+#include <apso/evaluation/parted_trajectory.hpp>
 #include <apso/testing/synthetic_features.hpp>
 #include <apso/track.hpp>
-#include <apso/tracker/parted_trajectory.hpp>
 
 using namespace apso;
 

@@ -37,6 +37,7 @@ struct BasicPartChange {
   int part = 0;                                             ///< that the poses to come lie in; the first is 0
   int before = 0;                                           ///< that the poses up to now lie in
   PoseT T_part_before = from_pose<PoseT>(identity_pose());  ///< Joined: takes the poses of `before` to `part`
+  [[nodiscard]] bool joined() const { return event == PartEvent::Joined; }
 };
 using PartChange = BasicPartChange<>;
 

@@ -9,7 +9,6 @@
 #include <apso/config.hpp>
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/math/se3.hpp>
-#include <apso/tracker/map_parts.hpp>
 #include <apso/traits/pose.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -18,11 +17,14 @@ APSO_NAMESPACE_BEGIN
 class PartedTrajectory {
  public:
   void add(double timestamp, const Pose& T_world_camera, int part) { poses_.push_back({{timestamp, T_world_camera}, part}); }
-  void follow(const PartChange& change) {
-    if (change.event != PartEvent::Joined) return;
+  /// Moves the poses of a part that was joined with another one.
+  /// \param change of LandmarkTracker::reconnect(), or alike
+  template <class Change>
+  void follow(const Change& change) {
+    if (!change.joined()) return;
     for (Entry& e : poses_) {
       if (e.part != change.before) continue;
-      e.pose.T_world_body = compose(change.T_part_before, e.pose.T_world_body);
+      e.pose.T_world_body = compose(to_pose(change.T_part_before), e.pose.T_world_body);
       e.part = change.part;
     }
   }
