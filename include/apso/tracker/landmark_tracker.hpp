@@ -251,7 +251,7 @@ class BasicLandmarkTracker {
         // Where the map failed it has to grow; else what it shows decides.
         if (from_map) due = decision_.due(map_, features_, matcher_.matches(), inliers, timestamp_);
       }
-      if (due) T = insert_keyframe(T);
+      if (due) T = insert_keyframe(T, from_map);
     }
     // Velocity of a frame found again says nothing.
     const double dt = timestamp_ - previous_timestamp_;
@@ -271,8 +271,9 @@ class BasicLandmarkTracker {
     T_world_predicted_ = T;
   }
 
+  /// \param from_map else the pose is known otherwise: the few pairs that there are, too few for a pose, must not move it
   /// \return the pose of the new keyframe after bundle adjustment
-  Pose insert_keyframe(const Pose& T_world_camera) {
+  Pose insert_keyframe(const Pose& T_world_camera, bool from_map) {
     KeyframeInput input;
     input.timestamp = timestamp_;
     input.T_world_camera = T_world_camera;
@@ -281,7 +282,7 @@ class BasicLandmarkTracker {
     input.max_sigma = 5 * options_.inverse_depth_sigma;  // more is an edge, and its depth may be of either side
     const int k = new_keyframe(camera_, features_, matcher_.matches(), input, map_);
     decision_.made();
-    adjust_last_keyframes(camera_, matcher_.octaves(), kAdjustedKeyframes, map_, marks_, adjustment_);
+    if (from_map) adjust_last_keyframes(camera_, matcher_.octaves(), kAdjustedKeyframes, map_, marks_, adjustment_);
     seen_.clear();
     for (int l : map_.keyframe(k).landmark)
       if (l >= 0) {
