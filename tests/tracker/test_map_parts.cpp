@@ -10,6 +10,8 @@
 #include <apso/testing/synthetic_features.hpp>
 #include <apso/track.hpp>
 
+#include "../foreign_types.hpp"
+
 using namespace apso;
 
 namespace {
@@ -25,17 +27,18 @@ testing::SyntheticOptions small_room() {
 double position_error(const Pose& a, const Pose& b) { return (a.translation() - b.translation()).norm(); }
 
 /// A camera that sees a place, then for a while nothing it knows, then the new and the old place at once.
-class Wanderer {
+template <class PoseT = Pose>
+class BasicWanderer {
  public:
   static constexpr int kElsewhere = 10;  // first frame of the new place
   static constexpr int kBoth = 60;       // first frame in which every other keypoint is one of the old place again
   int back = 1000;                       // first frame in which all are
   std::size_t most = 10000;              // keypoints of the new place before kBoth
 
-  Wanderer() : room_("static_xyz", small_room()), found_(room_.camera(), 12, 0.3), tracker_(room_.camera()) {}
+  BasicWanderer() : room_("static_xyz", small_room()), found_(room_.camera(), 12, 0.3), tracker_(room_.camera()) {}
 
   /// \param turn what the old place turns in the image, from kBoth on [px in a frame]; 0 = both places stand still
-  PartChange next(int i, float turn = 0) {
+  BasicPartChange<PoseT> next(int i, float turn = 0) {
     room_.render(i, image_);
     found_.find(image_);
     std::vector<Keypoint> keypoints = found_.keypoints();
@@ -52,18 +55,19 @@ class Wanderer {
     tracker_.commit(pose_.T_world_camera, none, pose_.ok);
     return tracker_.reconnect();
   }
-  [[nodiscard]] const FeatureResult& pose() const { return pose_; }
+  [[nodiscard]] const BasicFeatureResult<PoseT>& pose() const { return pose_; }
   [[nodiscard]] double time() const { return image_.timestamp; }
   [[nodiscard]] Pose truth(int i) const { return compose(inverse(room_.T_world_camera(0)), room_.T_world_camera(i)); }
-  [[nodiscard]] const LandmarkTracker& tracker() const { return tracker_; }
+  [[nodiscard]] const BasicLandmarkTracker<PoseT>& tracker() const { return tracker_; }
 
  private:
   testing::SyntheticSequence room_;
   testing::SyntheticFeatures found_;
   testing::SyntheticFrame image_;
-  LandmarkTracker tracker_;
-  FeatureResult pose_;
+  BasicLandmarkTracker<PoseT> tracker_;
+  BasicFeatureResult<PoseT> pose_;
 };
+using Wanderer = BasicWanderer<>;
 
 }  // namespace
 
@@ -105,6 +109,30 @@ TEST_CASE("a camera that is lost for a second begins a new part of the map, and 
     const int i = static_cast<int>(std::lround(poses[k].timestamp * 30));
     CHECK(position_error(poses[k].T_world_body, camera.truth(i)) < 0.015);
   }
+}
+
+TEST_CASE("a program with poses of its own is told of parts in these, and they lie where apso's own lie") {
+  BasicWanderer<foreign::DualQuaternionPose> dual;
+  Wanderer own;
+  PartedTrajectory a, b;
+  int joined = 0;
+  for (int i = 0; i < 90; ++i) {
+    CAPTURE(i);
+    const BasicPartChange<foreign::DualQuaternionPose> theirs = dual.next(i);
+    const PartChange ours = own.next(i);
+    CHECK(theirs.event == ours.event);
+    CHECK(theirs.part == ours.part);
+    CHECK((to_pose(theirs.T_part_before).matrix() - ours.T_part_before.matrix()).norm() < 1e-9);
+    if (dual.pose().ok) a.add(dual.time(), dual.pose().T_world_camera, theirs.before);
+    if (own.pose().ok) b.add(own.time(), own.pose().T_world_camera, ours.before);
+    a.follow(theirs);
+    b.follow(ours);
+    joined += ours.joined() ? 1 : 0;
+  }
+  CHECK(joined == 1);
+  const Trajectory ta = a.of(0), tb = b.of(0);
+  REQUIRE(ta.size() == tb.size());
+  for (std::size_t k = 0; k < ta.size(); ++k) CHECK((ta[k].T_world_body.matrix() - tb[k].T_world_body.matrix()).norm() < 1e-9);
 }
 
 TEST_CASE("no part of the map begins on images with too few features") {

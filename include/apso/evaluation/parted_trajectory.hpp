@@ -16,7 +16,11 @@ APSO_NAMESPACE_BEGIN
 /// Poses of all parts of a map, kept where the parts are now.
 class PartedTrajectory {
  public:
-  void add(double timestamp, const Pose& T_world_camera, int part) { poses_.push_back({{timestamp, T_world_camera}, part}); }
+  /// \param T_world_camera any type with pose_traits
+  template <class PoseT>
+  void add(double timestamp, const PoseT& T_world_camera, int part) {
+    poses_.push_back({{timestamp, to_pose(T_world_camera)}, part});
+  }
   /// Moves the poses of a part that was joined with another one.
   /// \param change of LandmarkTracker::reconnect(), or alike
   template <class Change>
