@@ -15,6 +15,8 @@
 #include <apso/observation/point_presence.hpp>
 #include <apso/observation/policies/geometric_motion.hpp>
 #include <apso/pipeline/pipeline.hpp>
+#include <apso/tracker/landmark_tracker_options.hpp>
+#include <apso/tracker/track_motion.hpp>
 #include <apso/traits/frame.hpp>
 
 namespace {
@@ -69,6 +71,7 @@ struct ApsoBridge {
   void join() {
     if (pending.valid()) pending.get();
   }
+  void follow(const double* T_world_camera_previous);
   void list_matches(const ApsoBridgeKeypoint* list, int count);
 
   bool own_thread;
@@ -78,14 +81,31 @@ struct ApsoBridge {
   apso::ImageView<const float> depth;
   apso::Image<unsigned char> mask;
   apso::Pose T_world_predicted = apso::Pose::Identity();
+  apso::TrackMotion motion;  // since the frame before, by the tracks
+  int followed = 0;          // tracks that agree with T_world_predicted
   std::vector<apso::Keypoint> keypoints;
   std::vector<apso::PointTrack> tracks;
   std::unordered_map<long long, apso::PointTrack> seen;  // by point_id, of the last frame
   std::unordered_map<long long, apso::PointTrack> now;
   std::int64_t next_track = 0;
+  std::uint64_t frames = 0;
   ApsoBridgeTimes times{};
   std::string error;
 };
+
+// A prior that is off by more than a few centimetres makes walls look as if they moved: the motion of most tracks is a better one.
+void ApsoBridge::follow(const double* T_world_camera_previous) {
+  const apso::LandmarkTrackerOptions standard;
+  motion.begin(tracks, depth, standard.depth, static_cast<float>(standard.inverse_depth_sigma));
+  motion.weigh(pipeline.observation().mask.probability, standard.dynamic_threshold);  // that of the frame before is close enough
+  followed = 0;
+  if (T_world_camera_previous == nullptr) return;
+  apso::Pose T = T_world_predicted;
+  const int n = motion.find_pose(camera, pose(T_world_camera_previous), T_world_predicted, standard.seed + frames++, T);
+  if (n < apso::kMinimumTrackInliers) return;
+  T_world_predicted = T;
+  followed = n;
+}
 
 void ApsoBridge::list_matches(const ApsoBridgeKeypoint* list, int count) {
   keypoints.clear();
@@ -141,8 +161,8 @@ void apso_bridge_reset(ApsoBridge* b) {
 const char* apso_bridge_error(const ApsoBridge* b) { return b->error.c_str(); }
 
 int apso_bridge_observe(ApsoBridge* b, double timestamp, const unsigned char* grey, int grey_step, const float* depth_metres,
-                        int depth_step, const double* T_world_camera_prior, const ApsoBridgeTrack* tracks, int count,
-                        const unsigned char* mask, int mask_step) {
+                        int depth_step, const double* T_world_camera_prior, const double* T_world_camera_previous,
+                        const ApsoBridgeTrack* tracks, int count, const unsigned char* mask, int mask_step) {
   return guarded(*b, [&] {
     const int w = b->camera.width;
     const int h = b->camera.height;
@@ -159,6 +179,7 @@ int apso_bridge_observe(ApsoBridge* b, double timestamp, const unsigned char* gr
       const ApsoBridgeTrack& t = tracks[i];
       b->tracks.push_back({t.id, t.x, t.y, t.previous_x, t.previous_y, t.age});
     }
+    b->follow(T_world_camera_previous);
     const auto frame = apso::frame(timestamp, apso::ImageView<const unsigned char>(grey, w, h, grey_step), b->depth, b->camera);
     const apso::ImageView<const unsigned char> given(mask, w, h, mask_step);
     const apso::Observation& seen =
@@ -169,6 +190,10 @@ int apso_bridge_observe(ApsoBridge* b, double timestamp, const unsigned char* gr
   });
 }
 
+int apso_bridge_expected(const ApsoBridge* b, double* T_world_camera) {
+  write(b->T_world_predicted, T_world_camera);
+  return b->followed;
+}
 const unsigned char* apso_bridge_mask(const ApsoBridge* b) { return b->mask.empty() ? nullptr : b->mask.data(); }
 
 int apso_bridge_conclude(ApsoBridge* b, const ApsoBridgeKeypoint* keypoints, int count, const double* T_world_camera_tracked,

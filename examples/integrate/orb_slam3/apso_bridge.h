@@ -71,11 +71,17 @@ void apso_bridge_reset(ApsoBridge* bridge);
 const char* apso_bridge_error(const ApsoBridge* bridge);
 
 /* Before tracking. Steps are bytes from a row to the next. The depth image must live until the last apso_bridge_presence().
+   T_world_camera_prior: where the camera is expected, e.g. by constant velocity.
+   T_world_camera_previous: of the frame before, where the tracks come from; null if it is not known. With it the tracks tell the motion
+   since then, and a prior that is wrong does no harm.
    tracks: corners followed since the frame before; what begins to move shows in them first.
    mask: what the host knows to move, nonzero = moves; null: nothing. */
 int apso_bridge_observe(ApsoBridge* bridge, double timestamp, const unsigned char* grey, int grey_step, const float* depth_metres,
-                        int depth_step, const double* T_world_camera_prior, const ApsoBridgeTrack* tracks, int count,
-                        const unsigned char* mask, int mask_step);
+                        int depth_step, const double* T_world_camera_prior, const double* T_world_camera_previous,
+                        const ApsoBridgeTrack* tracks, int count, const unsigned char* mask, int mask_step);
+/* Where the tracks say the camera is, else the prior. Returns how many tracks agree with it, 0 where they say nothing. Valid after
+   apso_bridge_observe(). */
+int apso_bridge_expected(const ApsoBridge* bridge, double* T_world_camera);
 /* 255 where something moves, else 0; width x height without padding, valid until the next apso_bridge_observe(). Null before the first. */
 const unsigned char* apso_bridge_mask(const ApsoBridge* bridge);
 /* After tracking. T_world_camera_tracked is not read when tracking_ok is 0. */

@@ -31,7 +31,7 @@ class ApsoHook {
  public:
   // [px], of the rectified camera
   ApsoHook(double fx, double fy, double cx, double cy, const ApsoHookOptions& options = ApsoHookOptions())
-      : fx_(fx), fy_(fy), cx_(cx), cy_(cy), options_(options), bridge_(nullptr), report_(), predicted_() {}
+      : fx_(fx), fy_(fy), cx_(cx), cy_(cy), options_(options), bridge_(nullptr), report_(), predicted_(), previous_() {}
   ~ApsoHook() {
     if (observing_.valid()) observing_.wait();
     apso_bridge_destroy(bridge_);
@@ -58,6 +58,11 @@ class ApsoHook {
     timestamp_ = timestamp;
     if (!records_.empty()) Check(apso_bridge_correct(bridge_, &ApsoHook::PoseOf, this));
     WriteInverse(Prediction(), predicted_);
+    has_previous_ = last_ok_ && !records_.empty();
+    if (has_previous_) {
+      bool known = false;
+      WriteInverse(records_.back().pose(records_.back(), &known), previous_);
+    }
     if (options_.own_thread) {
       observing_ = std::async(std::launch::async, [this] { Observe(); });
     } else {
@@ -191,7 +196,7 @@ class ApsoHook {
   void Observe() {
     FollowCorners();
     Check(apso_bridge_observe(bridge_, timestamp_, grey_.data, static_cast<int>(grey_.step), depth_.ptr<float>(),
-                              static_cast<int>(depth_.step), predicted_, tracks_.data(), static_cast<int>(tracks_.size()), mask_.data,
+                              static_cast<int>(depth_.step), predicted_, has_previous_ ? previous_ : nullptr, tracks_.data(), static_cast<int>(tracks_.size()), mask_.data,
                               static_cast<int>(mask_.step)));
   }
   void Wait() {
@@ -358,7 +363,8 @@ class ApsoHook {
   ApsoBridge* bridge_;
   ApsoBridgeReport report_;
   cv::Mat grey_, previous_grey_, depth_, mask_;  // of the frame that was begun, and of the one before
-  double predicted_[12];
+  double predicted_[12], previous_[12];
+  bool has_previous_ = false;
   std::future<void> observing_;
   double waited_ = 0;
   std::vector<cv::Point2f> corners_, followed_;
