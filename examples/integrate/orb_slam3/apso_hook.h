@@ -111,9 +111,11 @@ class ApsoHook {
   template <class Frame, class MapPoint>
   bool AfterTracking(Frame& frame, bool ok, const std::vector<MapPoint*>& local) {
     keypoints_.clear();
+    int matches = 0;
     for (std::size_t i = 0; i < frame.mvKeysUn.size(); ++i) {
       const cv::KeyPoint& k = frame.mvKeysUn[i];
       const bool matched = ok && frame.mvpMapPoints[i] && !frame.mvbOutlier[i];
+      matches += matched ? 1 : 0;
       keypoints_.push_back({k.pt.x, k.pt.y, k.response, k.angle < 0 ? 0.0F : k.angle, k.octave,
                             matched ? static_cast<long long>(frame.mvpMapPoints[i]->mnId) : -1});
     }
@@ -121,7 +123,15 @@ class ApsoHook {
     if (ok) WriteInverse(frame.GetPose(), T);
     Check(apso_bridge_conclude(bridge_, keypoints_.data(), static_cast<int>(keypoints_.size()), T, ok ? 1 : 0, &report_));
     if (report_.refined) frame.SetPose(ReadInverse(report_.T_world_camera));
-    repaired_ = !ok && report_.refined;
+    // Where no direct pose is at hand the corners that were followed may tell one.
+    by_corners_ = !ok && !report_.refined && followed_count_ > 0 && frames_on_corners_ < kFramesOnCorners;
+    repaired_ = !ok && (report_.refined || by_corners_);
+    if (by_corners_) {
+      std::copy(predicted_, predicted_ + 12, report_.T_world_camera);
+      frame.SetPose(ReadInverse(predicted_));
+      report_.pose_ok = 1;
+    }
+    frames_on_corners_ = by_corners_ ? frames_on_corners_ + 1 : 0;
     if (repaired_) {  // the matches that failed; the points are searched again
       Forget(frame);
       for (MapPoint* point : local) {
@@ -129,6 +139,11 @@ class ApsoHook {
       }
     }
     if (options_.drop_moved && ok && report_.keyframe_allowed) DropMoved(frame, local);
+    // A host that makes no keyframe while its view changes is lost soon: where few matches are left, the pose of a BAD frame that
+    // the corners confirm is good enough.
+    if (ok && !report_.keyframe_allowed && matches < kFewMatches && followed_count_ > 0 && Near(frame.GetPose(), ReadInverse(predicted_))) {
+      report_.keyframe_allowed = 1;
+    }
     Record(frame, report_.pose_ok != 0);
     return report_.pose_ok != 0;
   }
@@ -146,14 +161,16 @@ class ApsoHook {
   template <class Frame>
   void AfterRetry(Frame& frame, bool ok) {
     const Sophus::SE3f T_direct = ReadInverse(report_.T_world_camera);
-    const Sophus::SE3f apart = frame.GetPose() * T_direct.inverse();
-    // an alignment and a bundle of 30 points and more that mean the same place
-    const bool agree = ok && apart.translation().norm() < 0.05F && Eigen::AngleAxisf(apart.rotationMatrix()).angle() < 0.05F;
+    int inliers = 0;
+    for (std::size_t i = 0; i < frame.mvpMapPoints.size(); ++i) inliers += frame.mvpMapPoints[i] && !frame.mvbOutlier[i] ? 1 : 0;
+    // an alignment, or tracks, and a bundle of points that mean the same place: fewer points will do than alone
+    const bool agree = (ok || inliers >= kMatchesThatAgree) && Near(frame.GetPose(), T_direct);
     if (!agree) {
       Forget(frame);
       frame.SetPose(T_direct);
     }
-    report_.keyframe_allowed = agree && report_.confidence >= kSureConfidence ? 1 : 0;
+    report_.keyframe_allowed = agree && (report_.confidence >= kSureConfidence || by_corners_) ? 1 : 0;
+    if (agree) frames_on_corners_ = 0;
     if (!records_.empty()) records_.pop_back();
     Record(frame, true);
   }
@@ -166,6 +183,7 @@ class ApsoHook {
     if (bridge_) apso_bridge_reset(bridge_);
     records_.clear();
     gone_.clear();
+    frames_on_corners_ = 0;
     report_ = ApsoBridgeReport();
     report_.keyframe_allowed = 1;
   }
@@ -182,6 +200,9 @@ class ApsoHook {
 
  private:
   static constexpr double kSureConfidence = 0.75;  // as in apso's pipeline
+  static constexpr int kFramesOnCorners = 15;      // in a row, as in apso's tracker: errors add up
+  static constexpr int kFewMatches = 100;          // as many close points as ORB-SLAM3 wants to track
+  static constexpr int kMatchesThatAgree = 15;     // half of what ORB-SLAM3 asks of points alone
   static constexpr int kGone = 3;                  // frames by which a point must have been seen gone more often than present
   static constexpr double kRecorded = 20;          // how long the way back to the keyframe of a pose is kept [s]
 
@@ -193,11 +214,16 @@ class ApsoHook {
     Sophus::SE3f T_camera_reference;
   };
 
+  static bool Near(const Sophus::SE3f& a, const Sophus::SE3f& b) {
+    const Sophus::SE3f apart = a * b.inverse();
+    return apart.translation().norm() < 0.05F && Eigen::AngleAxisf(apart.rotationMatrix()).angle() < 0.05F;
+  }
   void Observe() {
     FollowCorners();
     Check(apso_bridge_observe(bridge_, timestamp_, grey_.data, static_cast<int>(grey_.step), depth_.ptr<float>(),
                               static_cast<int>(depth_.step), predicted_, has_previous_ ? previous_ : nullptr, tracks_.data(), static_cast<int>(tracks_.size()), mask_.data,
                               static_cast<int>(mask_.step)));
+    followed_count_ = apso_bridge_expected(bridge_, predicted_);
   }
   void Wait() {
     if (!observing_.valid()) return;
@@ -374,6 +400,9 @@ class ApsoHook {
   long long next_track_ = 0;
   double timestamp_ = 0;
   bool repaired_ = false;
+  bool by_corners_ = false;  // the pose is that of the corners
+  int followed_count_ = 0;   // corners that agree with predicted_
+  int frames_on_corners_ = 0;
   bool last_ok_ = false;
   bool moving_on_ = false;
   std::deque<Recorded> records_;  // oldest first
