@@ -221,8 +221,8 @@ class ApsoHook {
   void Observe() {
     FollowCorners();
     Check(apso_bridge_observe(bridge_, timestamp_, grey_.data, static_cast<int>(grey_.step), depth_.ptr<float>(),
-                              static_cast<int>(depth_.step), predicted_, has_previous_ ? previous_ : nullptr, tracks_.data(), static_cast<int>(tracks_.size()), mask_.data,
-                              static_cast<int>(mask_.step)));
+                              static_cast<int>(depth_.step), predicted_, has_previous_ ? previous_ : nullptr, tracks_.data(),
+                              static_cast<int>(tracks_.size()), mask_.data, static_cast<int>(mask_.step)));
     followed_count_ = apso_bridge_expected(bridge_, predicted_);
   }
   void Wait() {
