@@ -27,7 +27,7 @@ class CostTerms {
   /// Levels that all frames have; 0 is the finest of them.
   [[nodiscard]] int levels() const { return current_->finest() + current_->size() - finest_; }
   /// Counted from the usual finest level, as options are: -1 for the one more of frames that are mostly masked.
-  [[nodiscard]] int schedule(int level) const { return halvings(level) - current_->nominal_finest(); }
+  [[nodiscard]] int schedule(int level) const { return std::min(level, halvings(level) - current_->nominal_finest()); }
   /// All frames have that one.
   [[nodiscard]] bool mostly_masked() const { return schedule(0) < 0; }
   /// Halvings from the full size.
@@ -118,7 +118,10 @@ class CostTerms {
               "DirectAligner: reference and current pyramid differ in levels or size");
       if (!(r.weight > 0) || !std::isfinite(r.weight) || !is_finite(r.T_world_reference)) continue;
       terms_[used_++].begin(r);
+      // where depth has many holes, a level may have less to compare than the next: it is left out
       finest_ = std::max(finest_, p.finest());
+      const int last = p.finest() + p.size() - 1;
+      while (finest_ < last && p.halved(finest_).pixels.compared < p.halved(finest_ + 1).pixels.compared) ++finest_;
     }
     return used_ > 0;
   }

@@ -85,23 +85,24 @@ inline void fill_block(float* block, const int* found, int n, const BlockSource&
 }
 
 /// Gradients of mere noise would make a bare wall look as if it fixed the motion along it. A tile without texture gets no
-/// photometric rows; a tile that is plane within the noise gets the slope of the plane.
+/// photometric rows; a tile that is plane within the noise gets the slope of the plane. Counts the pixels that are compared.
 /// \param b          side of the cells of which each gave its best pixel
 /// \param noise      standard deviation of the intensity gradient where nothing is to be seen [1/px]
 /// \param slope      focal length of the full size over that of the level, times the multiple of the depth noise [px]
 /// \param fx         focal length [px]
-inline void remove_noise_gradients(PixelList& list, const PixelList::Tile& tile, int b, float noise, float slope, float fx) {
+inline void remove_noise_gradients(PixelList& list, PixelList::Tile& tile, int b, float noise, float slope, float fx) {
   using P = PixelList;
   float largest = 0;  // of b^2 exponentials: 1 + 1/2 + ... 1/b^2
   for (int i = 1; i <= b * b; ++i) largest += 1.0F / static_cast<float>(i);
   const Lanes zero = 0.0F;
-  Lanes gradients = zero, count = zero, sum0 = zero, sum1 = zero, squares = zero, noises = zero;
+  Lanes gradients = zero, compared = zero, count = zero, sum0 = zero, sum1 = zero, squares = zero, noises = zero;
   for (int k = tile.begin; k < tile.end; ++k) {
     const float* p = list.block(k);
     for (int i = 0; i < P::kBlock; i += kLanes) {
       const auto get = [&](P::Field f) { return Lanes::load(p + f * P::kBlock + i); };
       gradients += max(get(P::kGradient2), zero);
       const Mask ok = (get(P::kGamma) > zero) & (get(P::kDepthGradient2) >= zero);
+      compared += select((get(P::kGamma) > zero) & (get(P::kGradient2) >= zero), 1.0F, zero);
       const Lanes d0 = get(P::kD0);  // 0 unless ok
       const Lanes d1 = get(P::kD1);
       const Lanes z = get(P::kZ);
@@ -113,6 +114,7 @@ inline void remove_noise_gradients(PixelList& list, const PixelList::Tile& tile,
       noises += slope_noise * slope_noise;
     }
   }
+  tile.compared = static_cast<int>(compared.sum());
   const float gradient2 = gradients.sum(), n = count.sum(), s0 = sum0.sum(), s1 = sum1.sum(), s2 = squares.sum();
   const float expected = noises.sum();
   const bool bare = gradient2 < 1.5F * largest * noise * noise * static_cast<float>(tile.count);

@@ -31,10 +31,11 @@ struct PixelList {
     kFields
   };
   struct Tile {
-    int begin = 0;    ///< first block
-    int end = 0;      ///< one past the last block
-    int count = 0;    ///< pixels
-    float depth = 0;  ///< mean of the pixels [m]
+    int begin = 0;     ///< first block
+    int end = 0;       ///< one past the last block
+    int count = 0;     ///< pixels
+    float depth = 0;   ///< mean of the pixels [m]
+    int compared = 0;  ///< pixels whose intensity is compared
   };
   std::vector<float> data;
   std::vector<Tile> tiles;  ///< row by row
@@ -42,6 +43,7 @@ struct PixelList {
   int rows = 0;
   int tile_side = 0;  ///< [px]
   int count = 0;      ///< pixels in all tiles
+  int compared = 0;   ///< those whose intensity is compared: not behind an edge or beside a hole
 
   [[nodiscard]] int blocks() const { return tiles.empty() ? 0 : tiles.back().end; }
   [[nodiscard]] float* block(int i) { return data.data() + static_cast<std::ptrdiff_t>(i) * kFields * kBlock; }

@@ -114,6 +114,8 @@ class PixelSelector {
         remove_noise_gradients(out, tile, b, image_noise, slope_noise, source.fx);
       }
     });
+    out.compared = 0;
+    for (const PixelList::Tile& tile : out.tiles) out.compared += tile.compared;
   }
 
  private:
