@@ -25,6 +25,7 @@ struct Rectangle {
 struct ForeignSensor {
   double grey_sigma = 3;  ///< [grey values of 255]
   double gain = 0.02;     ///< largest change of brightness
+  double missing = 0;     ///< share of the pixels that have no depth, each by itself
   apso::testing::DisparitySensor depth_sensor;
 
   template <class Depth>  // depth(x, y) without noise, 0 = none, at any place [px]
@@ -38,7 +39,8 @@ struct ForeignSensor {
         out.grey(x, y) = static_cast<std::uint8_t>(std::lround(std::clamp(grey, 0.0, 255.0)));
         out.intensity(x, y) = static_cast<float>(out.grey(x, y)) / 255.0F;
         const double z = depth_sensor(camera, depth, x, y, normal);
-        out.depth(x, y) = static_cast<float>(std::round(5000 * z) / 5000);
+        const bool seen = !(missing > 0) || rng.uniform() >= missing;
+        out.depth(x, y) = seen ? static_cast<float>(std::round(5000 * z) / 5000) : 0.0F;
       }
     }
   }

@@ -16,6 +16,7 @@
 #include <CLI/CLI.hpp>
 
 #include <apso/io/camera_yaml.hpp>
+#include <apso/math/symmetric.hpp>
 #include <apso/opencv/cameras.hpp>
 #include <apso/refinement/align.hpp>
 
@@ -41,10 +42,12 @@ struct SyntheticSet {
   bool planar;             ///< a scenery, else a room
   double moving_share;     ///< of a room
   pairs::Scenery scenery;  ///< where planar
+  double missing = 0;      ///< share of the pixels without depth
 };
 const std::vector<SyntheticSet> kSets{{"rooms", false, 0, {}},
                                       {"bodies", false, 0.16, {}},
                                       {"crowd", false, 0.6, {}},
+                                      {"holes", false, 0, {}, 0.6},
                                       {"poster", true, 0, pairs::Scenery::Poster},
                                       {"stripes", true, 0, pairs::Scenery::Stripes},
                                       {"corridor", true, 0, pairs::Scenery::Corridor},
@@ -75,6 +78,9 @@ class Judge {
              "cost,iterations,sigma_mm,sigma_deg,normalised\n";
   }
 
+  /// The true poses err, too, by that much each: it is part of the error that is expected.
+  void take(const pairs::TruthNoise& n) { truth_ = n; }
+
   void operator()(const std::string& set, const Preset& preset, const apso::Pinhole& camera, const Pair& p, Row& row) {
     reference_.build({0.0, p.reference.intensity, p.reference.depth}, camera, {}, preset.pyramid, apso::PyramidRole::Reference);
     current_.build({0.0, p.current.intensity, p.current.depth}, camera, {}, preset.pyramid, apso::PyramidRole::Current);
@@ -87,7 +93,7 @@ class Judge {
     const double degrees = e.tail<3>().norm() / kDegree;
     const bool right = mm < kRightMillimetres && degrees < kRightDegrees;
     const bool good = apso::succeeded(a.status) && c > kGood;
-    const double normalised = (e.transpose() * a.information * e).value() / (6 - a.degenerate_count);
+    const double normalised = squared_over_variance(a, e) / (6 - a.degenerate_count);
     ++row.pairs;
     row.right += right ? 1 : 0;
     row.good += good ? 1 : 0;
@@ -116,7 +122,16 @@ class Judge {
   std::vector<Told> told;  ///< of all results
 
  private:
+  // e^T C^-1 e in the directions that are known, C that of the alignment and of the two true poses
+  [[nodiscard]] double squared_over_variance(const apso::AlignmentResult& a, const apso::Twist& e) const {
+    if (a.degenerate_count > 0 || !apso::succeeded(a.status)) return (e.transpose() * a.information * e).value();
+    apso::Matrix6 C = a.covariance;
+    for (int i = 0; i < 6; ++i) C(i, i) += 2 * (i < 3 ? truth_.position * truth_.position : truth_.direction * truth_.direction);
+    return (e.transpose() * apso::solve_symmetric(C, e)).value();
+  }
+
   std::ofstream file_;
+  pairs::TruthNoise truth_;
   apso::FramePyramid reference_, current_;
 };
 
@@ -175,6 +190,7 @@ int run(int argc, char** argv) {
   std::string csv, recording, truth, camera;
   std::vector<int> steps{1, 2, 3, 5, 8};
   int max_pairs = std::numeric_limits<int>::max();
+  double offset = 0;
   app.add_option("--views", views, "views of each set")->check(CLI::Range(1, 10000));
   app.add_option("--seed", seed, "of the views; the default is another one with each version")->capture_default_str();
   app.add_option("--sets", sets, "synthetic sets, or none")->check(CLI::IsMember(known));
@@ -182,6 +198,7 @@ int run(int argc, char** argv) {
   app.add_option("--csv", csv, "file for one line per result");
   app.add_option("--recording", recording, "folder of a recording in the layout of the TUM benchmark");
   app.add_option("--truth", truth, "its trajectory");
+  app.add_option("--truth-offset", offset, "added to the time of an image before the true pose is looked up [s]");
   app.add_option("--camera", camera, "of the recording: a name such as tum-fr1, or a YAML file");
   app.add_option("--steps", steps, "distances of the frames of a pair");
   app.add_option("--pairs", max_pairs, "maximum number of pairs per distance, evenly spaced (default: all)")->check(CLI::PositiveNumber);
@@ -195,11 +212,12 @@ int run(int argc, char** argv) {
   Judge judge(csv);
   const apso::Pinhole synthetic = apso::testing::freiburg3_camera(640, 480);
   const pairs::PairMaker maker(seed);
-  const pairs::ForeignSensor sensor;
   print_head();
   for (const std::string& set : sets) {
     if (set == "none") continue;
     const SyntheticSet& source = *std::find_if(kSets.begin(), kSets.end(), [&](const SyntheticSet& k) { return k.name == set; });
+    pairs::ForeignSensor sensor;
+    sensor.missing = source.missing;
     std::vector<Row> rows(presets.size());
     for (int v = 0; v < views; ++v) {
       for (const double step : motions) {
@@ -217,13 +235,18 @@ int run(int argc, char** argv) {
     return 0;
   }
   const apso::CameraModel model = std::filesystem::is_regular_file(camera) ? apso::camera_from_yaml(camera) : apso::camera_by_name(camera);
-  const pairs::RecordingPairs source(recording, model, truth.empty() ? recording + "/groundtruth.txt" : truth);
+  const pairs::RecordingPairs source(recording, model, truth.empty() ? recording + "/groundtruth.txt" : truth, offset);
+  judge.take(source.noise());
+  const std::string name = std::filesystem::path(recording).filename().string();
   for (const int step : steps) {
     std::vector<Row> rows(presets.size());
     source.each(step, max_pairs, [&](const Pair& p) {
-      for (std::size_t i = 0; i < presets.size(); ++i) judge(recording, presets[i], model.pinhole, p, rows[i]);
+      for (std::size_t i = 0; i < presets.size(); ++i) judge(name, presets[i], model.pinhole, p, rows[i]);
     });
-    for (std::size_t i = 0; i < presets.size(); ++i) print(recording + ", step " + std::to_string(step), presets[i], rows[i]);
+    if (rows.front().pairs == 0)
+      throw std::runtime_error(recording + ": no two frames " + std::to_string(step) + " apart have images of " +
+                               std::to_string(model.pinhole.width) + "x" + std::to_string(model.pinhole.height) + " and true poses");
+    for (std::size_t i = 0; i < presets.size(); ++i) print(name + ", step " + std::to_string(step), presets[i], rows[i]);
   }
   judge.close();
   print_calibration(judge.told);

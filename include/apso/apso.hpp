@@ -123,6 +123,7 @@
 #include <apso/refinement/cost/cost_term.hpp>
 #include <apso/refinement/cost/cost_terms.hpp>
 #include <apso/refinement/cost/illumination.hpp>
+#include <apso/refinement/cost/image_cells.hpp>
 #include <apso/refinement/cost/kernel_loop.hpp>
 #include <apso/refinement/cost/noise_model.hpp>
 #include <apso/refinement/cost/normal_equations.hpp>

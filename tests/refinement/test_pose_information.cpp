@@ -180,11 +180,53 @@ TEST_CASE("who knows the pose is not told of others, and what tells one place of
   }
 }
 
+TEST_CASE("the scatter of right sides is the covariance of their sum, also where neighbours err alike") {
+  constexpr int kRows = 15, kColumns = 20, kRuns = 400;  // tiles of a grid, whose cells are of about 2.5 x 2.5
+  for (const bool alike : {false, true}) {
+    CAPTURE(alike);
+    std::mt19937 rng(alike ? 5 : 6);
+    std::normal_distribution<double> gauss;
+    Matrix6 sums = Matrix6::Zero(), told = Matrix6::Zero();
+    for (int run = 0; run < kRuns; ++run) {
+      ImageCells cells;
+      Twist sum = Twist::Zero(), common[ImageCells::kRows][ImageCells::kColumns];
+      for (auto& row : common) {
+        for (Twist& c : row) {
+          for (int i = 0; i < 6; ++i) c(i) = gauss(rng) * (i + 1);
+        }
+      }
+      for (int y = 0; y < kRows; ++y) {
+        for (int x = 0; x < kColumns; ++x) {
+          const int r = y * ImageCells::kRows / kRows, c = x * ImageCells::kColumns / kColumns;
+          Twist b;
+          for (int i = 0; i < 6; ++i) b(i) = gauss(rng) * (i + 1);
+          if (alike) b += common[r][c];
+          sum += b;
+          cells.add(r, c, b);
+        }
+      }
+      sums += sum * sum.transpose() / kRuns;
+      told += cells.scatter() / kRuns;
+    }
+    // what is told errs to the safe side by 48 / 41, so that Hotelling's T^2 has the mean 6
+    for (int i = 0; i < 6; ++i) CHECK(told(i, i) == doctest::Approx(48.0 / 41 * sums(i, i)).epsilon(0.2));
+  }
+}
+
+TEST_CASE("the scatter of few right sides is finite") {
+  CHECK(ImageCells{}.scatter().isZero());
+  for (const int count : {1, 3, 9}) {
+    ImageCells cells;
+    for (int n = 0; n < count; ++n) cells.add(n % ImageCells::kRows, n % ImageCells::kColumns, Twist::Unit(n % 6) * 1e3);
+    CHECK(cells.scatter().allFinite());
+  }
+}
+
 TEST_CASE("more noise of the image makes a pose less certain") {
   double sigma[2] = {0, 0};
   for (unsigned seed = 1; seed <= 3; ++seed) {
     for (const int noisy : {0, 1}) {
-      const PairAlignment<> r = align_views(look_at_wall(kCamera, patches, kMotion, seed, noisy != 0 ? 15 : 3));
+      const PairAlignment<> r = align_views(look_at_wall(kCamera, patches, kMotion, seed, noisy != 0 ? 20 : 3));
       REQUIRE(succeeded(r.status));
       sigma[noisy] += std::sqrt(r.detail.covariance.topLeftCorner(3, 3).trace());
     }

@@ -41,17 +41,17 @@ inline double rising(double x, double zero, double one) {
   return x > zero ? (x - zero) / (one - zero) : 0.0;
 }
 
-// Standard deviation of a scaled twist (unit_twist) at which half of the results is right: 7.5 mm at 2 m, fitted to pairs of
+// Standard deviation of a scaled twist (unit_twist) at which half of the results is right: 9.6 mm at 2 m, fitted to pairs of
 // recordings (benchmarks/verdict --recording). It is below the 2 cm that are asked because rolling shutters, delays between colour
-// and depth, and lenses move all tiles alike, which the scatter of the tiles cannot show.
-inline constexpr double kHalfRightSigma = 0.00374;
+// and depth, and lenses move the image as a whole, which the scatter over its parts cannot show.
+inline constexpr double kHalfRightSigma = 0.0048;
 inline constexpr double kCorrelationNone = 0.4, kCorrelationFull = 0.7;
 inline constexpr double kMaxIterationsFactor = 0.5;
 inline constexpr double kAmbiguousFactor = 1.0 / 3;  // a pattern that repeats to one side repeats to the other: three answers at least
 }  // namespace detail
 
 /// The probability that a result is right falls with the standard deviation sigma of the direction that is known worst:
-/// 1 / (1 + (sigma / sigma_half)^2). The deviation comes from how much the tiles of the image contradict each other, so that noise, blur,
+/// 1 / (1 + (sigma / sigma_half)^2). The deviation comes from how much the parts of the image contradict each other, so that noise, blur,
 /// moving bodies and lack of texture all count by what they do to the pose, and large residuals of a right pose do not.
 [[nodiscard]] inline DirectConfidence direct_confidence(const AlignmentResult& r) {
   using namespace detail;

@@ -164,10 +164,7 @@ class BasicRefiner {
   [[nodiscard]] ReferenceMemory& memory() { return memory_; }
 
  private:
-  static constexpr int kWindow = 60;  // samples of the running median
-  // What is believed of the information of an alignment when it is joined with a feature pose. Several references have the noise of
-  // the current frame in common, and a rolling shutter, a delay between colour and depth or a lens moves all tiles alike.
-  static constexpr double kDirectInformationShare = 0.3;
+  static constexpr int kWindow = 60;     // samples of the running median
   static constexpr int kMinSamples = 3;  // until there are so many, the start value counts
 
   // The frame that was refined last.
@@ -222,9 +219,7 @@ class BasicRefiner {
     if (feature_ok) {
       const Blended<Pose> b =
           blend(in.T_world_feature, r.T_world_direct, expected(in, T_predicted, r.T_world_direct),
-                {in.S_change, r.c_dir, in.S_final, detail::scaled_information(kDirectInformationShare, r.alignment.information),
-                 in.feature_information, in.below_threshold},
-                options_.blend);
+                {in.S_change, r.c_dir, in.S_final, r.alignment.information, in.feature_information, in.below_threshold}, options_.blend);
       r.T_world_camera = b.T_world_camera;
       r.w_diff = b.w_diff;
       r.w_eff = b.w_eff;

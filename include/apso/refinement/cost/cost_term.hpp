@@ -10,6 +10,7 @@
 #include <apso/math/se3.hpp>
 #include <apso/refinement/alignment_result.hpp>
 #include <apso/refinement/cost/illumination.hpp>
+#include <apso/refinement/cost/image_cells.hpp>
 #include <apso/refinement/cost/normal_equations.hpp>
 #include <apso/refinement/cost/region_labels.hpp>
 #include <apso/refinement/cost/residuals.hpp>
@@ -82,18 +83,23 @@ struct CostTerm {
       moving += w * (1 - static_cast<double>(labels[i]));
     }
   }
-  /// Sum of b b^T over the tiles, b the right side that a tile adds, in the frame of the reference.
-  [[nodiscard]] Matrix6 scatter(int buffer) const {
-    Matrix6 sum = zeros<Matrix6>();
+  /// Adds the right side of each tile to that of the cell of the image in which the tile lies.
+  void add_right_sides(int buffer, const Pose& T_current_reference, ImageCells& cells) const {
+    const Matrix6 A = adjoint_inverse(T_current_reference);
+    const PixelList& list = level->pixels;
     for (std::size_t i = 0; i < sums[buffer].size(); ++i) {
       const TileSums& s = sums[buffer][i];
-      const float b[6] = {s.v[0], s.v[1], s.v[2], s.w[0], s.w[1], s.w[2]};
-      const double w = static_cast<double>(labels[i]) * static_cast<double>(labels[i]);
-      for (int r = 0; r < 6; ++r) {
-        for (int c = 0; c < 6; ++c) sum(r, c) += w * static_cast<double>(b[r]) * static_cast<double>(b[c]);
+      const int tile = static_cast<int>(i);
+      const double w = weight * static_cast<double>(labels[i]);
+      if (!(w > 0) || !(s.weight > 0)) continue;
+      Twist b;
+      for (int k = 0; k < 3; ++k) {
+        b(k) = -w * static_cast<double>(s.v[k]);
+        b(3 + k) = -w * static_cast<double>(s.w[k]);
       }
+      cells.add(tile / list.columns * ImageCells::kRows / list.rows, tile % list.columns * ImageCells::kColumns / list.columns,
+                transposed_times(A, b));
     }
-    return sum;
   }
   /// Adds what every `step`-th tile tells about a direction, and the squares of that.
   /// \param d twist in the frame of the reference

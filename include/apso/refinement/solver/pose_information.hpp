@@ -5,8 +5,8 @@
 /// this sum is not the normal matrix H = sum q a a^T, in which the noise of a gradient is squared and looks like information, but
 /// S = sum q a_reference a_current^T: the noise of both images is independent, and cancels (errors in variables, with the other image as
 /// instrument; Fuller, Measurement Error Models, 1987). The covariance of the pose is S^-1 M S^-1, with M the covariance of the sum,
-/// measured by how much it differs from tile to tile: the sandwich of White (Econometrica 1980), clustered (Liang and Zeger,
-/// Biometrika 1986). Residuals may be correlated within a tile, and as large as they like; no model of the noise is asked.
+/// measured by how much it differs from place to place (cost/image_cells.hpp): the sandwich of White (Econometrica 1980), clustered (Liang
+/// and Zeger, Biometrika 1986). Neighbouring residuals may be correlated, and as large as they like; no model of the noise is asked.
 #pragma once
 
 #include <cmath>
@@ -19,23 +19,23 @@
 #include <apso/math/symmetric.hpp>
 #include <apso/refinement/cost/alignment_cost.hpp>
 #include <apso/refinement/cost/cost_term.hpp>
+#include <apso/refinement/cost/image_cells.hpp>
 #include <apso/refinement/cost/normal_equations.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-/// Factor on the variances that tiles tell: of what neighbouring tiles have in common, as interpolation. Of right results on synthetic
-/// pairs, with a sensor whose noise is none that apso knows, the normalised error is 1 on average (benchmarks/verdict, seeds from 100).
-inline constexpr double kTileVarianceFactor = 3.5;
+/// Factor on the variances that the scatter tells: of what all parts of the image have in common, as interpolation. Of right results on
+/// synthetic pairs, with a sensor whose noise is none that apso knows, the normalised error is 1 on average (benchmarks/verdict, seeds from
+/// 100).
+inline constexpr double kScatterFactor = 3.5;
 
-/// M, for an increment of T_camera_world from the left: how much the right side b of the normal equations differs from tile to tile.
+/// M, for an increment of T_camera_world from the left: how much the right side b of the normal equations differs from place to place.
 [[nodiscard]] inline Matrix6 scatter(const AlignmentCost& cost, const Pose& T_camera_world) {
-  Matrix6 all = zeros<Matrix6>();
+  ImageCells cells;
   cost.for_each_term(T_camera_world, [&](const CostTerm& t, const Pose& T_current_reference) {
-    NormalEquations n;
-    n.H = t.scatter(AlignmentCost::kAccepted);
-    all += t.weight * t.weight * moved_to_left(n, T_current_reference).H;
+    t.add_right_sides(AlignmentCost::kAccepted, T_current_reference, cells);
   });
-  return all;
+  return cells.scatter();
 }
 /// After shared_information: how many standard deviations the information about a direction is above what chance would give.
 /// \param direction increment of T_camera_world from the left
@@ -84,7 +84,7 @@ struct PoseInformation {
       }
       for (int k = 0; k < 6; ++k) {
         if (known[k]) {
-          spread(i, k) = kTileVarianceFactor * quadratic(direction[i], M, direction[k]) / (eigen.values(i) * eigen.values(k));
+          spread(i, k) = kScatterFactor * quadratic(direction[i], M, direction[k]) / (eigen.values(i) * eigen.values(k));
         }
       }
       spread(i, i) += kExact;
