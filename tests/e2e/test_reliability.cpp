@@ -648,7 +648,7 @@ TEST_CASE("faults of cameras, drivers and clocks") {
     const Span flash = span(all, first, first + 3);
     CHECK(flash.lost + flash.bad == 3);
     CHECK(flash.error < 0.05);
-    CHECK(span(all, 60, 80).error < 0.025);
+    CHECK(span(all, 60, 80).error < 0.02);
   }
   {
     INFO("a frozen camera for a second: the pose stays, and the camera is found again at once");

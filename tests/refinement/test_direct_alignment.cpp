@@ -2,11 +2,10 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <random>
 #include <vector>
 
 #include <doctest/doctest.h>
-
-#include <random>
 
 #include <apso/refinement/align.hpp>
 #include <apso/refinement/refiner.hpp>

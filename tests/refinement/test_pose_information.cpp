@@ -226,7 +226,7 @@ TEST_CASE("more noise of the image makes a pose less certain") {
   double sigma[2] = {0, 0};
   for (unsigned seed = 1; seed <= 3; ++seed) {
     for (const int noisy : {0, 1}) {
-      const PairAlignment<> r = align_views(look_at_wall(kCamera, patches, kMotion, seed, noisy != 0 ? 20 : 3));
+      const PairAlignment<> r = align_views(look_at_wall(kCamera, patches, kMotion, seed, noisy != 0 ? 15 : 3));
       REQUIRE(succeeded(r.status));
       sigma[noisy] += std::sqrt(r.detail.covariance.topLeftCorner(3, 3).trace());
     }

@@ -41,10 +41,10 @@ inline double rising(double x, double zero, double one) {
   return x > zero ? (x - zero) / (one - zero) : 0.0;
 }
 
-// Standard deviation of a scaled twist (unit_twist) at which half of the results is right: 9.6 mm at 2 m, fitted to pairs of
+// Standard deviation of a scaled twist (unit_twist) at which half of the results is right: 9.2 mm at 2 m, fitted to pairs of
 // recordings (benchmarks/verdict --recording). It is below the 2 cm that are asked because rolling shutters, delays between colour
 // and depth, and lenses move the image as a whole, which the scatter over its parts cannot show.
-inline constexpr double kHalfRightSigma = 0.0048;
+inline constexpr double kHalfRightSigma = 0.0046;
 inline constexpr double kCorrelationNone = 0.4, kCorrelationFull = 0.7;
 inline constexpr double kMaxIterationsFactor = 0.5;
 inline constexpr double kAmbiguousFactor = 1.0 / 3;  // a pattern that repeats to one side repeats to the other: three answers at least

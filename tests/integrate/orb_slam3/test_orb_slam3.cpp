@@ -154,6 +154,52 @@ TEST_CASE("map points of people who sit and rise are dropped, and few of the oth
   CHECK(wrong < static_cast<int>(rising.map.size()) / 50);
 }
 
+TEST_CASE("where the pose that is expected is wrong, the corners that were followed tell a better one") {
+  Recording recording("static_xyz", 2);
+  const testing::SyntheticFrame& before = recording.frames[0];
+  const testing::SyntheticFrame& now = recording.frames[1];
+  const Pinhole c = recording.sequence.camera();
+  const Pose T_now_before = inverse(now.T_world_camera) * before.T_world_camera;
+  std::vector<ApsoBridgeTrack> tracks, begun;  // the same corners in the frame before
+  for (int y = 8; y < 240; y += 12) {
+    for (int x = 8; x < 320; x += 12) {
+      const double z = before.depth(x, y);
+      if (!(z > 0)) continue;
+      const Eigen::Vector3d p = T_now_before * (z * c.unproject(x, y, 1.0));
+      const Eigen::Vector2d u = c.project(p);
+      if (!(u.x() > 0 && u.y() > 0 && u.x() < 319 && u.y() < 239)) continue;
+      const auto id = static_cast<long long>(tracks.size());
+      tracks.push_back({id, static_cast<float>(u.x()), static_cast<float>(u.y()), static_cast<float>(x), static_cast<float>(y), 1});
+      begun.push_back({id, static_cast<float>(x), static_cast<float>(y), static_cast<float>(x), static_cast<float>(y), 0});
+    }
+  }
+  REQUIRE(tracks.size() > 100);
+  const auto rows = [](const Pose& T, double* out) {
+    for (int i = 0; i < 12; ++i) out[i] = T.matrix()(i / 4, i % 4);
+  };
+  const std::vector<unsigned char> grey(320 * 240, 100);
+  double previous[12], prior[12], expected[12];
+  rows(before.T_world_camera, previous);
+  Pose wrong = now.T_world_camera;
+  wrong.translation().x() += 0.1;
+  rows(wrong, prior);
+  const auto error = [&] { return (Eigen::Vector3d(expected[3], expected[7], expected[11]) - now.T_world_camera.translation()).norm(); };
+  ApsoBridge* b = apso_bridge_create(c.fx, c.fy, c.cx, c.cy, 320, 240, nullptr);
+  REQUIRE(b != nullptr);
+  for (const bool known : {true, false}) {  // the pose of the frame before
+    CAPTURE(known);
+    apso_bridge_reset(b);
+    REQUIRE(apso_bridge_observe(b, 0, grey.data(), 320, before.depth.data(), 4 * 320, previous, nullptr, begun.data(),
+                                static_cast<int>(begun.size()), nullptr, 0) == 0);
+    REQUIRE(apso_bridge_observe(b, 0.03, grey.data(), 320, now.depth.data(), 4 * 320, prior, known ? previous : nullptr, tracks.data(),
+                                static_cast<int>(tracks.size()), nullptr, 0) == 0);
+    const int followed = apso_bridge_expected(b, expected);
+    CHECK((followed > 50) == known);
+    CHECK((error() < 0.01) == known);
+  }
+  apso_bridge_destroy(b);
+}
+
 TEST_CASE("the bridge says what is wrong") {
   CHECK(apso_bridge_create(0, 500, 320, 240, 640, 480, nullptr) == nullptr);
   const ApsoBridgeOptions unknown{7, 1};

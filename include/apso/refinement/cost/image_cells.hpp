@@ -15,7 +15,7 @@ APSO_NAMESPACE_BEGIN
 
 /// The right sides of all tiles, and their sums over the cells of a coarse grid. What disturbs residuals, such as steps of the disparity,
 /// moving things, a bent lens or a rolling shutter, reaches over several tiles, so that tiles differ less than they err: the cells, which
-/// are larger, tell by how much less. All references add to the same cells, since the noise of the current frame is in all of them.
+/// are larger, tell by how much. All references add to the same cells, since the noise of the current frame is in all of them.
 class ImageCells {
  public:
   static constexpr int kRows = 6, kColumns = 8;

@@ -27,7 +27,7 @@ APSO_NAMESPACE_BEGIN
 /// Factor on the variances that the scatter tells: of what all parts of the image have in common, as interpolation. Of right results on
 /// synthetic pairs, with a sensor whose noise is none that apso knows, the normalised error is 1 on average (benchmarks/verdict, seeds from
 /// 100).
-inline constexpr double kScatterFactor = 3.5;
+inline constexpr double kScatterFactor = 3.25;
 
 /// M, for an increment of T_camera_world from the left: how much the right side b of the normal equations differs from place to place.
 [[nodiscard]] inline Matrix6 scatter(const AlignmentCost& cost, const Pose& T_camera_world) {
