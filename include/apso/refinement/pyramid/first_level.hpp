@@ -14,10 +14,11 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Reads rows [y0, y1) into planes that have their size already. Depth out of range and intensities that are not finite
+/// Reads rows [y0, y1) into planes that have their size already, or into windows. Depth out of range and intensities that are not finite
 /// become 0. Bands can be read side by side.
 /// \return how many intensities are not finite
-inline float read_first_level(const AnyFrame& frame, const DepthRange& range, Plane& intensity, Plane& depth, int y0, int y1) {
+template <class Rows>
+float read_first_level(const AnyFrame& frame, const DepthRange& range, Rows& intensity, Rows& depth, int y0, int y1) {
   const int w = frame.intensity().width();
   const Lanes lowest = std::max(range.min, 1e-6F);
   const Lanes highest = range.max;
@@ -42,6 +43,23 @@ inline float read_first_level(const AnyFrame& frame, const DepthRange& range, Pl
     }
   }
   return bad.sum();
+}
+
+/// Rows [y0, y1) of the second level straight from the images: each row is read while it is in the cache, and the first level, three
+/// quarters of all pixels, is never written. The same as read_first_level, halve_intensity and halve_depth one after the other.
+/// \param intensity,depth windows of the first level
+/// \param scratch a row
+/// \return how many intensities are not finite, some of them counted twice
+inline float read_second_level(const AnyFrame& frame, const DepthRange& range, RowWindow intensity, RowWindow depth, Plane& half_intensity,
+                               Plane& half_depth, float* scratch, int y0, int y1) {
+  float bad = 0;
+  for (int y = y0; y < y1; ++y) {
+    const int next = y == y0 ? std::max(2 * y - 1, 0) : 2 * y + 1;  // not read yet
+    bad += read_first_level(frame, range, intensity, depth, next, std::min(2 * y + 3, intensity.height()));
+    halve_intensity(intensity, half_intensity, scratch, y, y + 1);
+    halve_depth(depth, half_depth, y, y + 1);
+  }
+  return bad;
 }
 
 /// Weights of rows [y0, y1), after read_first_level; depth of weight 0 becomes 0.

@@ -71,6 +71,10 @@ class PixelSelector {
         for (int tx = 0; tx < out.columns; ++tx) tiles[tx].count = 0;
         const int y_end = std::min(h, (ty + 1) * out.tile_side);
         for (int y0 = ty * out.tile_side; y0 < y_end; y0 += b) {
+          if (b == 1) {  // a pixel is the best of its cell
+            take_row(depth, gamma, y0, out.tile_side, tiles, found);
+            continue;
+          }
           float* top = top_.row(band);
           best_of_columns(intensity, depth, gamma, y0, std::min(y0 + b, h), b, top);
           for (int i = 0; i * b < w; ++i) {
@@ -119,6 +123,8 @@ class PixelSelector {
   }
 
  private:
+  static constexpr int kBorder = 2;  // pixels at the border are not chosen, as neighbours two away are looked at [px]
+
   // The place of a pixel in its cell is kept in the last bits of its score, so that the best of a cell is a maximum of
   // floats. `column_` holds what each column adds, `place_` the pixel for each number; the first of equal ones wins.
   void prepare_cells(int w, int b) {
@@ -128,6 +134,24 @@ class PixelSelector {
     while (bits_ < b * b) bits_ *= 2;
     column_.resize(static_cast<std::size_t>(w + kLanes));
     for (int x = 0; x < w + kLanes; ++x) column_[static_cast<std::size_t>(x)] = b - 1 - x % b;
+  }
+
+  // All pixels of row y with depth and weight, but those at the border.
+  static void take_row(const Plane& depth, const Plane& gamma, int y, int side, PixelList::Tile* tiles, int* found) {
+    const int w = depth.width();
+    if (y < kBorder || y >= depth.height() - kBorder) return;
+    const float* Z = depth.row(y);
+    const float* G = gamma.empty() ? Z : gamma.row(y);
+    for (int x = kBorder; x < w - kBorder;) {
+      const int tx = x / side;
+      int* to = found + tx * side * side;
+      int n = tiles[tx].count;
+      for (const int end = std::min((tx + 1) * side, w - kBorder); x < end; ++x) {
+        to[n] = (y << 16) | x;
+        n += (Z[x] > 0 && G[x] > 0) ? 1 : 0;
+      }
+      tiles[tx].count = n;
+    }
   }
 
   // The best score of each column of the rows [y0, y1), 0 where there is none.
@@ -143,7 +167,7 @@ class PixelSelector {
       return n;
     };
     const IntLanes keep = all(-bits_);  // bits_ is a power of 2: all but the last bits
-    for (int y = std::max(y0, 2); y < std::min(y1, h - 2); ++y) {
+    for (int y = std::max(y0, kBorder); y < std::min(y1, h - kBorder); ++y) {
       const float* I = intensity.row(y);
       const float* Ia = intensity.row(y - 1);
       const float* Ib = intensity.row(y + 1);
@@ -172,7 +196,7 @@ class PixelSelector {
         max(key, Lanes::load(top + x)).store(top + x);
       }
     }
-    top[0] = top[1] = top[w - 2] = top[w - 1] = 0.0F;
+    for (int x = 0; x < kBorder; ++x) top[x] = top[w - 1 - x] = 0.0F;
   }
   // The pixel (y << 16 | x) with the best score in cell i, -1 if there is none.
   [[nodiscard]] int best_of_cell(const float* top, int w, int b, int y0, int i) const {

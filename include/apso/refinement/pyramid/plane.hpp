@@ -43,6 +43,22 @@ class Plane {
   int stride_ = 0;
 };
 
+/// The rows of an image that are in use while it is read from the first to the last: the last kRows of them, in a part of a plane.
+class RowWindow {
+ public:
+  static constexpr int kRows = 4;
+  /// \param rows as wide as the image; the window has its rows [kRows index, kRows (index + 1))
+  /// \param height of the image
+  RowWindow(Plane& rows, int index, int height) : rows_(&rows), first_(kRows * index), height_(height) {}
+  [[nodiscard]] int width() const { return rows_->width(); }
+  [[nodiscard]] int height() const { return height_; }
+  [[nodiscard]] float* row(int y) const { return rows_->row(first_ + y % kRows); }
+
+ private:
+  Plane* rows_;
+  int first_, height_;
+};
+
 /// The rows of an image in bands: few enough that calling for them costs nothing, the same for any executor.
 class Bands {
  public:
@@ -64,8 +80,10 @@ class Bands {
 /// Half the size by the taps 1 3 3 1 (/8) in both directions. A filter with an even number of taps is centred on the
 /// 2x2 block that the coarse pixel stands for, as c' = (c + 0.5)/2 - 0.5 and the depth require; an odd one would shift
 /// the image by half a pixel.
+/// \param in a Plane or RowWindow
 /// \param l a row for intermediate results, of a plane as wide as `in` plus two pads
-inline void halve_intensity(const Plane& in, Plane& out, float* l, int y0, int y1) {
+template <class Rows>
+void halve_intensity(const Rows& in, Plane& out, float* l, int y0, int y1) {
   const int w = out.width();
   for (int y = y0; y < y1; ++y) {
     const float* a = in.row(std::max(2 * y - 1, 0));
@@ -110,7 +128,9 @@ inline void smooth_intensity(const Plane& in, Plane& out, float* l, int y0, int 
 
 /// Half the size: the mean of the valid ones of 2x2 depths that lie within 10 cm of their second largest, so never a
 /// mean over an edge. 0 stays "invalid".
-inline void halve_depth(const Plane& in, Plane& out, int y0, int y1) {
+/// \param in a Plane or RowWindow
+template <class Rows>
+void halve_depth(const Rows& in, Plane& out, int y0, int y1) {
   const int w = out.width();
   for (int y = y0; y < y1; ++y) {
     const float* p = in.row(2 * y);

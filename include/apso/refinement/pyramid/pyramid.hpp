@@ -51,16 +51,15 @@ class FramePyramid {
     }
     levels_.resize(static_cast<std::size_t>(used));
     line_.resize(camera.width + 2 * Plane::kPad, Bands::kMost);
-    read(frame, dynamic_probability, options, executor);
+    const bool halved = options.finest > 0 && dynamic_probability.empty() && read_halved(frame, options, executor);
+    if (!halved) read(frame, dynamic_probability, options, executor);
     weighted_of_ = nullptr;
     finest_ = options.finest > 0 && masked_share_ > options.finer_level_mask_share ? options.finest - 1 : options.finest;
     Pinhole cam = camera;
     for (int l = 0; l < used; ++l) {
       PyramidLevel& level = levels_[static_cast<std::size_t>(l)];
-      if (l > 0) {
-        halve(levels_[static_cast<std::size_t>(l - 1)], level, executor);
-        cam = cam.halved();
-      }
+      if (l > 0) cam = cam.halved();
+      if (l > (halved ? 1 : 0)) halve(levels_[static_cast<std::size_t>(l - 1)], level, executor);
       level.camera = cam;
       if (l < finest_) continue;
       const bool fine = l <= options.finest;
@@ -168,6 +167,27 @@ class FramePyramid {
     if (!masked() && !broken) out.gamma.clear();
   }
 
+  // Without weights the first level is passed through while it is read.
+  // \return false: some intensities are not finite, so that weights are needed
+  template <class Executor>
+  bool read_halved(const AnyFrame& frame, const PyramidOptions& o, const Executor& executor) {
+    PyramidLevel& out = levels_[1];
+    const int w = frame.intensity().width();
+    const int h = frame.intensity().height();
+    for (Plane* rows : {&intensity_rows_, &depth_rows_}) rows->resize(w, RowWindow::kRows * Bands::kMost);
+    for (Plane* half : {&out.intensity, &out.depth}) half->resize(w / 2, h / 2);
+    std::array<float, Bands::kMost> bad{};
+    Bands(h / 2, w).run(executor, [&](int band, int y0, int y1) {
+      bad[static_cast<std::size_t>(band)] =
+          read_second_level(frame, o.depth, RowWindow(intensity_rows_, band, h), RowWindow(depth_rows_, band, h), out.intensity, out.depth,
+                            line_.row(band), y0, y1);
+    });
+    levels_[0].gamma.clear();
+    out.gamma.clear();
+    masked_share_ = 0;
+    return std::accumulate(bad.begin(), bad.end(), 0.0F) == 0;
+  }
+
   template <class Executor>
   void halve(const PyramidLevel& in, PyramidLevel& out, const Executor& executor) {
     const int w = in.intensity.width() / 2;
@@ -175,7 +195,7 @@ class FramePyramid {
     if (in.gamma.empty()) out.gamma.clear();
     else out.gamma.resize(w, h);
     out.depth.resize(w, h);
-    filter(halve_intensity, in, w, h, out.intensity, executor, [&](int y0, int y1) {
+    filter(halve_intensity<Plane>, in, w, h, out.intensity, executor, [&](int y0, int y1) {
       halve_depth(in.depth, out.depth, y0, y1);
       if (!in.gamma.empty()) halve_mean(in.gamma, out.gamma, y0, y1);
     });
@@ -212,6 +232,7 @@ class FramePyramid {
   Plane smooth_, weighted_, gamma_;
   const PyramidLevel* weighted_of_ = nullptr;  // the level whose weighted image is there
   Plane line_;                                 // a row for each band
+  Plane intensity_rows_, depth_rows_;          // a window for each band
   PixelSelector selector_;
   std::vector<std::vector<float>> samples_;  // of depth, by level
   double timestamp_ = 0;
