@@ -69,7 +69,9 @@ class Apso : public Method {
  private:
   template <class Executor = apso::SerialExecutor>
   void build(const pairs::Image8& f, apso::FramePyramid& p, apso::PyramidRole role, const Executor& executor = {}) {
-    p.build({0.0, f.intensity, f.depth}, camera_, mask_ ? f.probability.view() : apso::ImageView<const float>{}, pyramid_, role, executor);
+    p.build(apso::frame(0.0, f.grey, f.depth, camera_), camera_, mask_ ? f.probability.view() : apso::ImageView<const float>{}, pyramid_,
+            role,
+            executor);  // 8-bit grey, as OpenCV takes it
   }
   std::string name_, key_;
   apso::PyramidOptions pyramid_;

@@ -91,6 +91,69 @@ TEST_CASE("the finest level is aligned smoothed, the others as they are halved")
   CHECK(read(1, 40, 30) == p.level(1).intensity.row(30)[40]);
 }
 
+TEST_CASE("levels are the same whether the first is kept or only passed through") {
+  for (const int width : {640, 162}) {
+    Pinhole cam = room::camera(width);
+    cam.width -= 1;  // odd: the last column and row stand for nothing
+    cam.height -= width == 640 ? 1 : 0;
+    const room::Frame f = room::render(cam, Pose::Identity(), {}, 1);
+    const std::vector<float> nothing(static_cast<std::size_t>(cam.width * cam.height), 0.0F);
+    for (const int finest : {1, 2}) {
+      PyramidOptions o;
+      o.finest = finest;
+      FramePyramid passed, kept;
+      passed.build(f.view(), cam, {}, o);
+      kept.build(f.view(), cam, ImageView<const float>(nothing.data(), cam.width, cam.height), o);
+      REQUIRE(passed.size() == kept.size());
+      for (int l = 0; l < kept.size(); ++l) {
+        CHECK(passed.level(l).texture == kept.level(l).texture);
+        CHECK(passed.level(l).pixels.data == kept.level(l).pixels.data);
+        CHECK(passed.level(l).pixels.count > 100);
+      }
+    }
+  }
+}
+
+TEST_CASE("where all pixels are taken each has its own point and gradients, and none at the border or without depth or weight is there") {
+  const Pinhole cam = room::camera(160);
+  room::Frame f = room::render(cam, Pose::Identity(), {}, 3);
+  std::mt19937 rng(5);
+  std::vector<float> probability(static_cast<std::size_t>(cam.width * cam.height), 0.0F);
+  for (std::size_t i = 0; i < probability.size(); ++i) {
+    if (rng() % 40 == 0) f.depth.data()[i] = 0;
+    if (rng() % 40 == 0) probability[i] = 1;
+  }
+  PyramidOptions o;
+  o.finest = 0;
+  o.max_pixels = 0;
+  o.sensor_noise = 0;  // keep all gradients
+  FramePyramid p;
+  p.build(f.view(), cam, ImageView<const float>(probability.data(), cam.width, cam.height), o);
+  const PyramidLevel& level = p.level(0);
+  int expected = 0;
+  for (int y = 2; y < cam.height - 2; ++y) {
+    for (int x = 2; x < cam.width - 2; ++x) expected += level.depth.row(y)[x] > 0 && level.gamma.row(y)[x] > 0 ? 1 : 0;
+  }
+  int found = 0;
+  int different = 0;
+  for_pixels(level, [&](const PixelList& list, int b, int i, int x, int y) {
+    ++found;
+    const float* z = level.depth.row(y) + x;
+    const float* t = level.texture.data() + 2 * (y * cam.width + x);
+    const float zx = 0.5F * (z[1] - z[-1]);
+    const float zy = 0.5F * (level.depth.row(y + 1)[x] - level.depth.row(y - 1)[x]);
+    const float gx = 0.5F * (t[2] - t[-2]);
+    const float gy = 0.5F * (t[2 * cam.width] - t[-2 * cam.width]);
+    const auto is = [&](PixelList::Field field, float value) { return std::abs(list.at(b, field, i) - value) <= 1e-5F * std::abs(value); };
+    const bool intensity = list.at(b, PixelList::kGradient2, i) < 0 || is(PixelList::kGradient2, gx * gx + gy * gy);
+    const bool depth = list.at(b, PixelList::kDepthGradient2, i) < 0 || is(PixelList::kDepthGradient2, zx * zx + zy * zy);
+    different += is(PixelList::kZ, *z) && is(PixelList::kIntensity, *t) && is(PixelList::kGamma, 1) && intensity && depth ? 0 : 1;
+  });
+  CHECK(found == expected);
+  CHECK(found > 10000);
+  CHECK(different == 0);
+}
+
 TEST_CASE("a frame that is mostly masked has a level more, and no fewer pixels to align") {
   const Pinhole cam = room::camera(640);
   room::Frame f = room::render(cam, Pose::Identity(), {}, 1);

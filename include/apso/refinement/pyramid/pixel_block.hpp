@@ -23,11 +23,11 @@ struct BlockSource {
 
 /// What is read of kLanes pixels and their neighbours: left, right, up and down.
 struct PixelSurroundings {
-  Lanes x, y;                 ///< [px]
-  Lanes I, Il, Ir, Iu, Id;    ///< intensity
-  Lanes Z, Zl, Zr, Zu, Zd;    ///< depth [m]
-  Lanes two_away;             ///< least depth two pixels away [m]
-  Lanes gamma;                ///< weight
+  Lanes x, y;               ///< [px]
+  Lanes I, Il, Ir, Iu, Id;  ///< intensity
+  Lanes Z, Zl, Zr, Zu, Zd;  ///< depth [m]
+  Lanes two_away;           ///< least depth two pixels away [m]
+  Lanes gamma;              ///< weight
 
   /// Of kLanes pixels side by side, the first of which is (x0, y0).
   void load(const BlockSource& in, int x0, int y0) {
