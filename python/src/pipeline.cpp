@@ -106,6 +106,13 @@ class PythonPipeline {
     const py::gil_scoped_release release;
     return pipeline_.conclude();
   }
+  void correct(const py::function& pose_of) {
+    pipeline_.correct([&](double timestamp, const apso::Pose& T) -> std::optional<apso::Pose> {
+      const py::object now = pose_of(timestamp, array_of(T));
+      if (now.is_none()) return std::nullopt;
+      return rigid_pose_of(now, "what pose_of returns");
+    });
+  }
   void reset() { pipeline_.reset(); }
   [[nodiscard]] py::array_t<float> dynamic_probability() const { return copy_of(pipeline_.observation().mask.probability); }
   [[nodiscard]] double dynamic_ratio() const { return pipeline_.observation().dynamic_ratio; }
@@ -163,6 +170,10 @@ class PythonTracker {
     const py::gil_scoped_release release;
     tracker_.commit(T, mask.any(), keyframe_allowed);
   }
+  apso::PartChange reconnect() {
+    const py::gil_scoped_release release;
+    return tracker_.reconnect();
+  }
 
  private:
   static apso::LandmarkTrackerOptions options_of(const py::dict& options) {
@@ -214,9 +225,23 @@ T_feature: (4, 4), T_world_camera of a feature tracker. T_predicted: that of its
 ok: feature tracking succeeded. keypoints, tracks: as in apso.score.
 information: (6, 6) of T_feature, translation first [1/m^2, 1/rad^2]; None: not known.)")
       .def("conclude", &PythonPipeline::conclude, "Refines the pose of the frame and remembers what is right. Returns a Report.")
+      .def("correct", &PythonPipeline::correct, py::arg("pose_of"),
+           R"(Follows a map that has moved (bundle adjustment, a loop, parts that were joined).
+
+Call it before observe(). pose_of(timestamp, T): the pose, (4, 4), that the frame of this time, which had T, has now. None: it
+moves along with the latest frame, and so does all that pose_of is not asked for.)")
       .def("reset", &PythonPipeline::reset, "Forgets everything.")
       .def_property_readonly("dynamic_probability", &PythonPipeline::dynamic_probability, "Of the last frame, (height, width), float32.")
       .def_property_readonly("dynamic_ratio", &PythonPipeline::dynamic_ratio, "Share of the last frame that moves, [0, 1].");
+  using Change = apso::PartChange;
+  py::class_<Change>(m, "PartChange", "What became of the part of the map that the poses lie in.")
+      .def_property_readonly(
+          "event", [](const Change& c) { return apso::to_string(c.event); }, "'none', 'left' or 'joined'.")
+      .def_readonly("part", &Change::part, "That the poses to come lie in; the first is 0.")
+      .def_readonly("before", &Change::before, "That the poses up to now lie in.")
+      .def_property_readonly(
+          "T_part_before", [](const Change& c) { return array_of(c.T_part_before); },
+          "After 'joined': takes the poses of `before` to `part`, 4x4 [m].");
   using Result = apso::FeatureResult;
   py::class_<Result>(m, "FeatureResult", "A pose of Tracker.")
       .def_readonly("ok", &Result::ok)
@@ -238,7 +263,10 @@ For each frame call begin(), estimate() as often as a better mask is known, and 
       .def("estimate", &PythonTracker::estimate, py::arg("dynamic_probability") = py::none(),
            "Pose of the frame begun. dynamic_probability: (height, width), float32 in [0, 1]; None: nothing moves.")
       .def("commit", &PythonTracker::commit, py::arg("T_world_camera"), py::arg("dynamic_probability") = py::none(), py::kw_only(),
-           py::arg("keyframe_allowed") = true, "Ends the frame with its final pose, (4, 4).");
+           py::arg("keyframe_allowed") = true, "Ends the frame with its final pose, (4, 4).")
+      .def("reconnect", &PythonTracker::reconnect,
+           R"(After each commit(), where a map of several parts is wanted: a camera that is lost for a second begins a new one. Returns a
+PartChange: after 'left' call Pipeline.reset(), after 'joined' Pipeline.correct(lambda t, T: T_part_before @ T).)");
 }
 
 }  // namespace apso_python

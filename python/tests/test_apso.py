@@ -155,6 +155,52 @@ class SameAsCpp(unittest.TestCase):
             self.same(report.T, f"frame{i}.T")
             self.check_assessment(report.assessment, f"frame{i}")
 
+    def test_the_map_moves(self):
+        """After correct() everything is as in a run in the other world; a refused pose changes nothing."""
+        shift = np.eye(4)
+        shift[:2, :2] = [[0.8, -0.6], [0.6, 0.8]]
+        shift[:3, 3] = [1, -2, 3]
+        stays, moves = apso.Pipeline(R.K, R.shape), apso.Pipeline(R.K, R.shape)
+        asked = []
+        for i in range(FRAMES):
+            I, D = R.frame(i)
+            t, T = R.number(f"frame{i}.timestamp"), R.matrix(f"frame{i}.T_feature", 4)
+            if i == 6:
+                with self.assertRaisesRegex(ValueError, r"what pose_of returns has shape \(2, 2\): expected \(4, 4\)"):
+                    moves.correct(lambda t, T: np.eye(2))
+                with self.assertRaisesRegex(ZeroDivisionError, "division"):
+                    moves.correct(lambda t, T: 1 / 0)
+                moves.correct(lambda t, T: asked.append(t) or shift @ T)
+            reports = []
+            for pipeline, change in (stays, np.eye(4)), (moves, shift if i >= 6 else np.eye(4)):
+                pipeline.observe(t, I, D, change @ T, depth_unit=UNIT)
+                pipeline.assess(change @ T)
+                reports.append(pipeline.conclude())
+            np.testing.assert_allclose(reports[1].T, (shift if i >= 6 else np.eye(4)) @ reports[0].T, atol=1e-9)
+            self.assertEqual(reports[0].state, reports[1].state)
+        self.assertTrue(reports[0].refined)
+        self.assertIn(R.number("frame5.timestamp"), asked)
+        moves.correct(lambda t, T: None)  # all stays where it is
+
+    def test_a_map_in_parts(self):
+        tracker, rng = apso.Tracker(R.K, R.shape), np.random.default_rng(1)
+        events = []
+        for i in range(60):  # the room, then for more than a second features that nobody has seen, the same ones over and over
+            I, D = R.frame(min(i, 5))
+            keypoints = load(f"keypoints{min(i, 5)}.f64", np.float64).reshape(-1, 5)
+            if i <= 6:
+                descriptors = rng.integers(0, 256, (len(keypoints), 32), np.uint8) if i == 6 else load(
+                    f"descriptors{i}.u8", np.uint8).reshape(-1, 32)
+            tracker.begin(i / 30, I, D, keypoints, descriptors, depth_unit=UNIT)
+            pose = tracker.estimate()
+            tracker.commit(pose.T, keyframe_allowed=i < 6)
+            events.append(tracker.reconnect())
+        self.assertEqual({e.event for e in events}, {"none", "left"})
+        left = next(i for i, e in enumerate(events) if e.event == "left")
+        self.assertGreaterEqual(left - 6, 29)  # a second at 30 Hz
+        self.assertEqual([events[left].before, events[left].part, events[-1].before], [0, 1, 1])
+        np.testing.assert_array_equal(events[left].T_part_before, np.eye(4))
+
 
 class Arguments(unittest.TestCase):
     def setUp(self):

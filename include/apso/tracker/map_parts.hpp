@@ -29,6 +29,7 @@ enum class PartEvent {
   Joined,  ///< it was recognised in an earlier one, and is now a piece of that
 };
 constexpr std::array<const char*, 3> enum_names(PartEvent) { return {"none", "left", "joined"}; }
+[[nodiscard]] constexpr const char* to_string(PartEvent e) { return enum_names(e)[static_cast<std::size_t>(e)]; }
 
 /// \tparam PoseT your pose type
 template <class PoseT = Pose>
