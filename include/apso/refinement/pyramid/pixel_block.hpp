@@ -21,68 +21,63 @@ struct BlockSource {
   float edge;  ///< depth gradient that is an edge, as a share of the depth [1/px]
 };
 
-/// What is read of kLanes pixels and their neighbours: left, right, up and down.
+/// What is read of kLanes pixels and of their neighbours to the left, right, up and down.
 struct PixelSurroundings {
-  Lanes x, y;               ///< [px]
-  Lanes I, Il, Ir, Iu, Id;  ///< intensity
-  Lanes Z, Zl, Zr, Zu, Zd;  ///< depth [m]
-  Lanes two_away;           ///< least depth two pixels away [m]
-  Lanes gamma;              ///< weight
+  enum Quantity { kU, kV, kI, kIl, kIr, kIu, kId, kZ, kZl, kZr, kZu, kZd, kTwoAway, kGamma, kQuantities };
+  Lanes of[kQuantities];  ///< kTwoAway: the least depth two pixels away
+  const Lanes& operator[](Quantity q) const { return of[q]; }
 
-  /// Of kLanes pixels side by side, the first of which is (x0, y0).
-  void load(const BlockSource& in, int x0, int y0) {
-    const float* i = in.intensity.row(y0) + x0;
-    const float* z = in.depth.row(y0) + x0;
-    x = Lanes::load(kSteps) + static_cast<float>(x0);
-    y = static_cast<float>(y0);
-    I = Lanes::load(i);
-    Il = Lanes::load(i - 1);
-    Ir = Lanes::load(i + 1);
-    Iu = Lanes::load(in.intensity.row(y0 - 1) + x0);
-    Id = Lanes::load(in.intensity.row(y0 + 1) + x0);
-    Z = Lanes::load(z);
-    Zl = Lanes::load(z - 1);
-    Zr = Lanes::load(z + 1);
-    Zu = Lanes::load(in.depth.row(y0 - 1) + x0);
-    Zd = Lanes::load(in.depth.row(y0 + 1) + x0);
-    two_away = min(min(Lanes::load(z - 2), Lanes::load(z + 2)),
-                   min(Lanes::load(in.depth.row(y0 - 2) + x0), Lanes::load(in.depth.row(y0 + 2) + x0)));
-    gamma = in.gamma.empty() ? Lanes(1.0F) : Lanes::load(in.gamma.row(y0) + x0);
+  /// Of pixels side by side, the first of which is (x, y).
+  void load(const BlockSource& in, int x, int y) {
+    constexpr float kSteps[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+    const auto intensity = [&](int dx, int dy) { return Lanes::load(in.intensity.row(y + dy) + x + dx); };
+    const auto depth = [&](int dx, int dy) { return Lanes::load(in.depth.row(y + dy) + x + dx); };
+    of[kU] = Lanes::load(kSteps) + static_cast<float>(x);
+    of[kV] = static_cast<float>(y);
+    of[kI] = intensity(0, 0);
+    of[kIl] = intensity(-1, 0);
+    of[kIr] = intensity(1, 0);
+    of[kIu] = intensity(0, -1);
+    of[kId] = intensity(0, 1);
+    of[kZ] = depth(0, 0);
+    of[kZl] = depth(-1, 0);
+    of[kZr] = depth(1, 0);
+    of[kZu] = depth(0, -1);
+    of[kZd] = depth(0, 1);
+    of[kTwoAway] = min(min(depth(-2, 0), depth(2, 0)), min(depth(0, -2), depth(0, 2)));
+    of[kGamma] = in.gamma.empty() ? Lanes(1.0F) : Lanes::load(in.gamma.row(y) + x);
   }
-  /// Of n <= kLanes pixels anywhere; the other lanes become 0.
+  /// Of n <= kLanes pixels anywhere, y << 16 | x each; the other lanes become 0.
   void gather(const BlockSource& in, const int* found, int n) {
-    float each[14][kLanes] = {};
-    for (int k = 0; k < n; ++k) {
-      const int u = found[k] & 0xFFFF;
-      const int v = found[k] >> 16;
-      const float* i = in.intensity.row(v) + u;
-      const float* z = in.depth.row(v) + u;
-      each[0][k] = static_cast<float>(u);
-      each[1][k] = static_cast<float>(v);
-      each[2][k] = *i;
-      each[3][k] = i[-1];
-      each[4][k] = i[1];
-      each[5][k] = in.intensity.row(v - 1)[u];
-      each[6][k] = in.intensity.row(v + 1)[u];
-      each[7][k] = *z;
-      each[8][k] = z[-1];
-      each[9][k] = z[1];
-      each[10][k] = in.depth.row(v - 1)[u];
-      each[11][k] = in.depth.row(v + 1)[u];
-      each[12][k] = std::min(std::min(z[-2], z[2]), std::min(in.depth.row(v - 2)[u], in.depth.row(v + 2)[u]));
-      each[13][k] = in.gamma.empty() ? 1.0F : in.gamma.row(v)[u];
+    float each[kQuantities][kLanes] = {};
+    for (int i = 0; i < n; ++i) {
+      const int x = found[i] & 0xFFFF;
+      const int y = found[i] >> 16;
+      const float* I = in.intensity.row(y) + x;
+      const float* Z = in.depth.row(y) + x;
+      each[kU][i] = static_cast<float>(x);
+      each[kV][i] = static_cast<float>(y);
+      each[kI][i] = *I;
+      each[kIl][i] = I[-1];
+      each[kIr][i] = I[1];
+      each[kIu][i] = in.intensity.row(y - 1)[x];
+      each[kId][i] = in.intensity.row(y + 1)[x];
+      each[kZ][i] = *Z;
+      each[kZl][i] = Z[-1];
+      each[kZr][i] = Z[1];
+      each[kZu][i] = in.depth.row(y - 1)[x];
+      each[kZd][i] = in.depth.row(y + 1)[x];
+      each[kTwoAway][i] = std::min(std::min(Z[-2], Z[2]), std::min(in.depth.row(y - 2)[x], in.depth.row(y + 2)[x]));
+      each[kGamma][i] = in.gamma.empty() ? 1.0F : in.gamma.row(y)[x];
     }
-    Lanes* const to[14] = {&x, &y, &I, &Il, &Ir, &Iu, &Id, &Z, &Zl, &Zr, &Zu, &Zd, &two_away, &gamma};
-    for (int f = 0; f < 14; ++f) *to[f] = Lanes::load(each[f]);
+    for (int q = 0; q < kQuantities; ++q) of[q] = Lanes::load(each[q]);
   }
-
- private:
-  static constexpr float kSteps[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 };
 
 /// All quantities of the pixels found[0 .. n), y << 16 | x each, n <= kBlock; the rest of the block becomes 0.
 inline void fill_block(float* block, const int* found, int n, const BlockSource& in) {
   using P = PixelList;
+  using S = PixelSurroundings;
   const Lanes zero = 0.0F;
   for (int at = 0; at < P::kBlock; at += kLanes) {
     PixelSurroundings p;
@@ -90,20 +85,20 @@ inline void fill_block(float* block, const int* found, int n, const BlockSource&
     if (at + kLanes <= n && found[at + kLanes - 1] - found[at] == kLanes - 1) p.load(in, found[at] & 0xFFFF, found[at] >> 16);
     else p.gather(in, found + at, std::clamp(n - at, 0, kLanes));
     const auto put = [&](P::Field f, const Lanes& v) { v.store(block + f * P::kBlock + at); };
-    const Lanes z = p.Z;
+    const Lanes& z = p[S::kZ];
     const Lanes iz = 1.0F / select(z > zero, z, 1.0F);
-    const Lanes X = (p.x - in.cx) * (1.0F / in.fx) * z;
-    const Lanes Y = (p.y - in.cy) * (1.0F / in.fy) * z;
-    const Lanes gx = 0.5F * (p.Ir - p.Il);
-    const Lanes gy = 0.5F * (p.Id - p.Iu);
+    const Lanes X = (p[S::kU] - in.cx) * (1.0F / in.fx) * z;
+    const Lanes Y = (p[S::kV] - in.cy) * (1.0F / in.fy) * z;
+    const Lanes gx = 0.5F * (p[S::kIr] - p[S::kIl]);
+    const Lanes gy = 0.5F * (p[S::kId] - p[S::kIu]);
     put(P::kX, X);
     put(P::kY, Y);
     put(P::kZ, z);
-    put(P::kIntensity, p.I);
-    put(P::kGamma, p.gamma);
-    const Lanes l = p.Zl, r = p.Zr, u = p.Zu, d = p.Zd;
+    put(P::kIntensity, p[S::kI]);
+    put(P::kGamma, p[S::kGamma]);
+    const Lanes &l = p[S::kZl], &r = p[S::kZr], &u = p[S::kZu], &d = p[S::kZd];
     const Lanes low = min(min(l, r), min(u, d));
-    const Mask own = min(low, p.two_away) > z * (1.0F - in.edge);
+    const Mask own = min(low, p[S::kTwoAway]) > z * (1.0F - in.edge);
     put(P::kGradient2, select(own, gx * gx + gy * gy, select(z > zero, -1.0F, zero)));
     const Lanes a0 = select(own, gx * in.fx * iz, zero);
     const Lanes a1 = select(own, gy * in.fy * iz, zero);
