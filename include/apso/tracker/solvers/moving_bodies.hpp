@@ -17,6 +17,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/status.hpp>
@@ -186,14 +187,12 @@ class MovingBodies {
     const Pose T_camera_world = inverse(T_world_camera);
     Eigen::Vector3d r;
     for (const PointObservation& o : observations) {
-      if (point_residual(camera_, o, transform(T_camera_world, o.point), r)) errors_.push_back(r.x() * r.x() + r.y() * r.y());
+      if (point_residual(camera_, o, transform(T_camera_world, o.point), r)) {
+        errors_.push_back(static_cast<float>(r.x() * r.x() + r.y() * r.y()));
+      }
     }
   }
-  [[nodiscard]] double median_error() {
-    const auto middle = errors_.begin() + static_cast<std::ptrdiff_t>(errors_.size() / 2);
-    std::nth_element(errors_.begin(), middle, errors_.end());
-    return *middle;
-  }
+  [[nodiscard]] double median_error() { return static_cast<double>(upper_median(errors_)); }
   bool fit(std::vector<PointObservation>& observations, Pose& T) const {
     const PoseOptimisation found = optimise_pose(camera_, observations, T, kFit);
     if (!succeeded(found.status)) return false;
@@ -232,7 +231,8 @@ class MovingBodies {
   std::array<Cluster, kClusters> clusters_;
   std::size_t count_ = 0;
   bool any_ = false;
-  std::vector<double> distance_, errors_;
+  std::vector<double> distance_;
+  std::vector<float> errors_;
   std::vector<PointObservation> rest_;
   Chosen best_{}, trial_{};
   Pose best_pose_ = identity_pose();

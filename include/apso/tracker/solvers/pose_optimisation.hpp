@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/math/robust_scale.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
@@ -112,16 +113,16 @@ inline constexpr double kMedianNorm2 = 1.3862943611198906;
 
 /// Noise of u and v in units of sigma, from the median residual of the inliers.
 [[nodiscard]] inline double pixel_noise_scale(const Pinhole& camera, const std::vector<PointObservation>& observations,
-                                              const Pose& T_camera_world, std::vector<double>& scratch) {
+                                              const Pose& T_camera_world, std::vector<float>& scratch) {
   scratch.clear();
   Eigen::Vector3d r;
   for (const PointObservation& o : observations) {
-    if (o.inlier && point_residual(camera, o, transform(T_camera_world, o.point), r)) scratch.push_back(r.x() * r.x() + r.y() * r.y());
+    if (o.inlier && point_residual(camera, o, transform(T_camera_world, o.point), r)) {
+      scratch.push_back(static_cast<float>(r.x() * r.x() + r.y() * r.y()));
+    }
   }
   if (scratch.empty()) return 1;
-  const auto middle = scratch.begin() + static_cast<std::ptrdiff_t>(scratch.size() / 2);
-  std::nth_element(scratch.begin(), middle, scratch.end());
-  return std::clamp(std::sqrt(*middle / kMedianNorm2), kMinPixelScale, 1.0);
+  return std::clamp(std::sqrt(static_cast<double>(upper_median(scratch)) / kMedianNorm2), kMinPixelScale, 1.0);
 }
 
 namespace detail {
@@ -130,44 +131,67 @@ struct PoseEquations {
   Matrix6 H;
   Twist b;
 };
+/// With M = w J^T J of a point p in the camera, J the derivative with respect to p, the blocks of H are sum M, sum [p]x M and
+/// -sum [p]x M [p]x. Half of M is zero, so that this takes a third of the multiplications of J_twist^T J_twist.
 /// \param per_pixel inverse of the noise of u and v, in sigma
 /// \param robust weigh by Geman-McClure; else all inliers count alike
 inline PoseEquations pose_equations(const Pinhole& camera, const std::vector<PointObservation>& observations, const Pose& T_camera_world,
                                     double per_pixel, bool robust) {
-  double H[6][6] = {};
-  double b[6] = {};
-  double J_twist[3][6];
-  double weighted[3][6];
+  double vv[3][3] = {}, wv[3][3] = {}, ww[3][3] = {}, v[3] = {}, w[3] = {};
   Eigen::Vector3d r;
   Eigen::Matrix3d J;
   for (const PointObservation& o : observations) {
     if (!o.inlier) continue;
     const Eigen::Vector3d p = transform(T_camera_world, o.point);
     if (!point_residual(camera, o, p, r, &J)) continue;
-    for (int k = 0; k < 2; ++k) {
-      r(k) *= per_pixel;
-      for (int i = 0; i < 3; ++i) J(k, i) *= per_pixel;
-    }
     const double limit = chi2_limit(o);
-    const double share = limit / (limit + squared_norm(r));
-    const double w = o.weight * (robust ? share * share : 1.0);
-    twist_jacobian(J, p, J_twist);
-    for (int k = 0; k < 3; ++k) {
-      for (int i = 0; i < 6; ++i) weighted[k][i] = w * J_twist[k][i];
+    const double squared = per_pixel * per_pixel;
+    const double share = limit / (limit + squared * (r(0) * r(0) + r(1) * r(1)) + r(2) * r(2));
+    const double weight = o.weight * (robust ? share * share : 1.0);
+    const double pixel_weight = weight * squared;
+    const double u0 = pixel_weight * J(0, 0), v1 = pixel_weight * J(1, 1), d2 = weight * J(2, 2);
+    const double M00 = u0 * J(0, 0), M02 = u0 * J(0, 2), M11 = v1 * J(1, 1), M12 = v1 * J(1, 2);
+    const double M22 = pixel_weight * (J(0, 2) * J(0, 2) + J(1, 2) * J(1, 2)) + d2 * J(2, 2);
+    const double f0 = u0 * r(0), f1 = v1 * r(1);
+    const double f2 = pixel_weight * (J(0, 2) * r(0) + J(1, 2) * r(1)) + d2 * r(2);
+    const double x = p.x(), y = p.y(), z = p.z();
+    const double R[3][3] = {{y * M02, y * M12 - z * M11, y * M22 - z * M12},  // [p]x M
+                            {z * M00 - x * M02, -x * M12, z * M02 - x * M22},
+                            {-y * M00, x * M11, x * M12 - y * M02}};
+    vv[0][0] += M00;
+    vv[2][0] += M02;
+    vv[1][1] += M11;
+    vv[2][1] += M12;
+    vv[2][2] += M22;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) wv[i][j] += R[i][j];
     }
-    for (int i = 0; i < 6; ++i) {
-      for (int j = 0; j <= i; ++j)
-        H[i][j] += weighted[0][i] * J_twist[0][j] + weighted[1][i] * J_twist[1][j] + weighted[2][i] * J_twist[2][j];
-      b[i] -= weighted[0][i] * r(0) + weighted[1][i] * r(1) + weighted[2][i] * r(2);
-    }
+    ww[0][0] += y * R[0][2] - z * R[0][1];
+    ww[1][0] += y * R[1][2] - z * R[1][1];
+    ww[2][0] += y * R[2][2] - z * R[2][1];
+    ww[1][1] += z * R[1][0] - x * R[1][2];
+    ww[2][1] += z * R[2][0] - x * R[2][2];
+    ww[2][2] += x * R[2][1] - y * R[2][0];
+    v[0] -= f0;
+    v[1] -= f1;
+    v[2] -= f2;
+    w[0] -= y * f2 - z * f1;
+    w[1] -= z * f0 - x * f2;
+    w[2] -= x * f1 - y * f0;
   }
-  double trace = 0;
-  for (int i = 0; i < 6; ++i) trace += H[i][i];
   PoseEquations e;
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j <= i; ++j) e.H(i, j) = e.H(j, i) = H[i][j] + (i == j ? 1e-9 * trace + 1e-12 : 0.0);
-    e.b(i) = b[i];
+  double trace = 0;
+  for (int i = 0; i < 3; ++i) {
+    trace += vv[i][i] + ww[i][i];
+    for (int j = 0; j < 3; ++j) {
+      e.H(i, j) = vv[std::max(i, j)][std::min(i, j)];
+      e.H(3 + i, 3 + j) = ww[std::max(i, j)][std::min(i, j)];
+      e.H(3 + i, j) = e.H(j, 3 + i) = wv[i][j];
+    }
+    e.b(i) = v[i];
+    e.b(3 + i) = w[i];
   }
+  for (int i = 0; i < 6; ++i) e.H(i, i) += 1e-9 * trace + 1e-12;
   return e;
 }
 }  // namespace detail
@@ -191,7 +215,7 @@ inline PoseEquations pose_equations(const Pinhole& camera, const std::vector<Poi
     for (PointObservation& o : observations) o.inlier = true;
   }
   Matrix6 information = zeros<Matrix6>();
-  std::vector<double> scratch;
+  std::vector<float> scratch;
   double scale = 1;
   for (int round = 0; round < options.rounds; ++round) {
     const bool robust = round + 2 < options.rounds || options.rounds < 3;
