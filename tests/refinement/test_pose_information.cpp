@@ -2,10 +2,12 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <functional>
 #include <random>
 
 #include <apso/align.hpp>
+#include <apso/testing/synthetic.hpp>
 
 namespace {
 using namespace apso;
@@ -232,4 +234,28 @@ TEST_CASE("more noise of the image makes a pose less certain") {
     }
   }
   CHECK(sigma[1] > 1.5 * sigma[0]);
+}
+
+TEST_CASE("the same furniture with other pictures on the walls is another place: never called good") {
+  for (std::uint64_t seed = 100; seed < 116; ++seed) {
+    CAPTURE(seed);
+    testing::SyntheticOptions o;
+    o.width = 320;
+    o.height = 240;
+    o.people = 0;
+    o.seed = seed;
+    const testing::SyntheticSequence here("static_xyz", o);
+    o.seed = seed + 100;
+    const testing::SyntheticSequence there("static_xyz", o);
+    testing::SyntheticFrame a, b;
+    here.render(0, a);
+    there.render(0, b);
+    PyramidOptions pyramid;
+    pyramid.finest = 0;
+    FramePyramid reference, current;
+    reference.build(a.rgbd(), here.camera(), {}, pyramid, PyramidRole::Reference);
+    current.build(b.rgbd(), here.camera(), {}, pyramid, PyramidRole::Current);
+    DirectAligner aligner;
+    CHECK(direct_confidence(aligner.align({{&reference, Pose::Identity(), 1.0}}, current, {Pose::Identity()})).c_dir < 0.5);
+  }
 }
