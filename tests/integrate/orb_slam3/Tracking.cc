@@ -50,11 +50,11 @@ void Tracking::Track() {
   bOK = TrackLocalMap();
 
   // [after]
-  bOK = mpApso->AfterTracking(mCurrentFrame, bOK, mvpLocalMapPoints);                                             // +apso
-  if (mpApso->Repaired()) {                                                                                       // +apso
-    SearchLocalPoints();                                                                                          // +apso
-    mpApso->AfterRetry(mCurrentFrame, ApsoHook::Matches(mCurrentFrame) >= 20 && TrackLocalMap());                 // +apso
-  }                                                                                                               // +apso
+  bOK = mpApso->AfterTracking(mCurrentFrame, bOK, mvpLocalMapPoints);                              // +apso
+  if (mpApso->Repaired()) {                                                                        // +apso
+    SearchLocalPoints();                                                                           // +apso
+    mpApso->AfterRetry(mCurrentFrame, ApsoHook::Matches(mCurrentFrame) >= 20 && TrackLocalMap());  // +apso
+  }                                                                                                // +apso
   // [/after]
 
   mState = bOK ? OK : (mState == OK ? RECENTLY_LOST : mState);
@@ -107,6 +107,9 @@ bool Tracking::TrackLocalMap() {
   const bool retried = !mbPlayedOK && mCurrentFrame.isSet();
   mCurrentFrame.mpReferenceKF = mpReferenceKF;
   if (mbPlayedOK || (retried && mbPlayedRetry)) mCurrentFrame.SetPose(mPlayedPose);
+  for (std::size_t i = 0; i < mCurrentFrame.mvbOutlier.size(); ++i) {
+    mCurrentFrame.mvbOutlier[i] = static_cast<int>(i) >= mnPlayedMatches;
+  }
   return mbPlayedOK || (retried && mbPlayedRetry);
 }
 
