@@ -50,11 +50,11 @@ void Tracking::Track() {
   bOK = TrackLocalMap();
 
   // [after]
-  bOK = mpApso->AfterTracking(mCurrentFrame, bOK, mvpLocalMapPoints);                              // +apso
-  if (mpApso->Repaired()) {                                                                        // +apso
-    SearchLocalPoints();                                                                           // +apso
-    mpApso->AfterRetry(mCurrentFrame, ApsoHook::Matches(mCurrentFrame) >= 20 && TrackLocalMap());  // +apso
-  }                                                                                                // +apso
+  bOK = mpApso->AfterTracking(mCurrentFrame, bOK, mvpLocalMapPoints);                                             // +apso
+  if (mpApso->Repaired()) {                                                                                       // +apso
+    SearchLocalPoints();                                                                                          // +apso
+    mpApso->AfterRetry(mCurrentFrame, ApsoHook::Matches(mCurrentFrame) >= 20 && TrackLocalMap());                 // +apso
+  }                                                                                                               // +apso
   // [/after]
 
   mState = bOK ? OK : (mState == OK ? RECENTLY_LOST : mState);
