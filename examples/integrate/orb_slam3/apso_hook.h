@@ -203,6 +203,7 @@ class ApsoHook {
   static constexpr int kFramesOnCorners = 15;      // in a row, as in apso's tracker: errors add up
   static constexpr int kFewMatches = 100;          // as many close points as ORB-SLAM3 wants to track
   static constexpr int kMatchesThatAgree = 15;     // half of what ORB-SLAM3 asks of points alone
+  static constexpr float kRoundTrip = 1;           // largest distance after going there and back [px]
   static constexpr int kGone = 3;                  // frames by which a point must have been seen gone more often than present
   static constexpr double kRecorded = 20;          // how long the way back to the keyframe of a pose is kept [s]
 
@@ -231,24 +232,32 @@ class ApsoHook {
     observing_.get();
     waited_ = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   }
-  // Corners from frame to frame, by Lucas and Kanade.
+  // Corners from frame to frame, by Lucas and Kanade, there and back: one that has slipped looks like something that moves.
   void FollowCorners() {
-    if (corners_.empty() || previous_grey_.size() != grey_.size()) {
-      corners_.clear();
-      tracks_.clear();
-      return;
-    }
-    cv::calcOpticalFlowPyrLK(previous_grey_, grey_, corners_, followed_, found_, error_, cv::Size(15, 15), 3);
+    const cv::Size window(15, 15);
+    constexpr int kLevels = 3;
+    pyramid_.swap(previous_pyramid_);
+    cv::buildOpticalFlowPyramid(grey_, pyramid_, window, kLevels);
     std::size_t n = 0;
-    for (std::size_t i = 0; i < corners_.size(); ++i) {
-      const cv::Point2f& p = followed_[i];
-      if (!found_[i] || !(p.x >= 1 && p.y >= 1 && p.x < static_cast<float>(grey_.cols - 2) && p.y < static_cast<float>(grey_.rows - 2)))
-        continue;
-      tracks_[n] = {tracks_[i].id, p.x, p.y, corners_[i].x, corners_[i].y, tracks_[i].age + 1};
-      corners_[n++] = p;
+    if (!corners_.empty() && previous_grey_.size() == grey_.size()) {
+      const cv::TermCriteria stop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 20, 0.03);
+      cv::calcOpticalFlowPyrLK(previous_pyramid_, pyramid_, corners_, followed_, found_, error_, window, kLevels, stop);
+      back_ = corners_;
+      cv::calcOpticalFlowPyrLK(pyramid_, previous_pyramid_, followed_, back_, found_back_, error_, window, kLevels, stop,
+                               cv::OPTFLOW_USE_INITIAL_FLOW);
+      for (std::size_t i = 0; i < corners_.size(); ++i) {
+        const cv::Point2f& p = followed_[i];
+        const cv::Point2f slip = back_[i] - corners_[i];
+        if (!found_[i] || !found_back_[i] || !(slip.dot(slip) <= kRoundTrip * kRoundTrip) || !Inside(p)) continue;
+        tracks_[n] = {tracks_[i].id, p.x, p.y, corners_[i].x, corners_[i].y, tracks_[i].age + 1};
+        corners_[n++] = p;
+      }
     }
     tracks_.resize(n);
     corners_.resize(n);
+  }
+  bool Inside(const cv::Point2f& p) const {
+    return p.x >= 1 && p.y >= 1 && p.x < static_cast<float>(grey_.cols - 2) && p.y < static_cast<float>(grey_.rows - 2);
   }
   // Those that were lost are replaced by keypoints of the host where there are none.
   void NewCorners(const std::vector<cv::KeyPoint>& keypoints) {
@@ -260,9 +269,7 @@ class ApsoHook {
     for (const cv::Point2f& p : corners_) at(p) = 1;
     for (const cv::KeyPoint& k : keypoints) {
       if (static_cast<int>(corners_.size()) >= options_.corners) break;
-      if (k.octave > 2 ||
-          !(k.pt.x >= 1 && k.pt.y >= 1 && k.pt.x < static_cast<float>(grey_.cols - 2) && k.pt.y < static_cast<float>(grey_.rows - 2)))
-        continue;
+      if (k.octave > 2 || !Inside(k.pt)) continue;
       if (at(k.pt) != 0) continue;
       at(k.pt) = 1;
       corners_.push_back(k.pt);
@@ -393,9 +400,10 @@ class ApsoHook {
   bool has_previous_ = false;
   std::future<void> observing_;
   double waited_ = 0;
-  std::vector<cv::Point2f> corners_, followed_;
+  std::vector<cv::Mat> pyramid_, previous_pyramid_;
+  std::vector<cv::Point2f> corners_, followed_, back_;
   std::vector<ApsoBridgeTrack> tracks_;  // of corners_
-  std::vector<unsigned char> found_;
+  std::vector<unsigned char> found_, found_back_;
   std::vector<float> error_;
   long long next_track_ = 0;
   double timestamp_ = 0;

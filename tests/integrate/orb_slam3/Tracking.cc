@@ -107,6 +107,9 @@ bool Tracking::TrackLocalMap() {
   const bool retried = !mbPlayedOK && mCurrentFrame.isSet();
   mCurrentFrame.mpReferenceKF = mpReferenceKF;
   if (mbPlayedOK || (retried && mbPlayedRetry)) mCurrentFrame.SetPose(mPlayedPose);
+  for (std::size_t i = 0; i < mCurrentFrame.mvbOutlier.size(); ++i) {
+    mCurrentFrame.mvbOutlier[i] = static_cast<int>(i) >= mnPlayedMatches;
+  }
   return mbPlayedOK || (retried && mbPlayedRetry);
 }
 

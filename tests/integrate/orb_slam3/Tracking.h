@@ -43,7 +43,8 @@ class Tracking {
   Sophus::SE3f mPlayedPose;
   bool mbPlayedOK = true;
   float mPlayedResponse = 30;
-  bool mbPlayedRetry = false;  // the features are found when they are looked for near the true pose
+  int mnPlayedMatches = 1 << 30;  // so many inliers at most
+  bool mbPlayedRetry = false;     // the features are found when they are looked for near the true pose
   std::deque<MapPoint> mMap;
   std::deque<KeyFrame> mKeyFrames;
   int mnBuilt = 0;  // keypoints of the frame before any is taken out
@@ -52,7 +53,7 @@ class Tracking {
   int mWidth, mHeight;
   // [member]
   std::unique_ptr<ApsoHook> mpApso;  // +apso
-  // [/member]
+                                     // [/member]
 
  private:
   bool TrackLocalMap();

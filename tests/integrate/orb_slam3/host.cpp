@@ -48,12 +48,17 @@ void move_map(Tracking& t, float shift, Sophus::SE3f& moved) {
 }  // namespace
 
 int run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostPoint* points,
-             int room) {
+             int room, int refine) {
   Eigen::Matrix3f K = Eigen::Matrix3f::Identity();
   K(0, 0) = K(1, 1) = f;
   K(0, 2) = cx;
   K(1, 2) = cy;
   Tracking tracking(K, width, height);
+  if (refine != ApsoHookOptions().refine) {
+    ApsoHookOptions options;
+    options.refine = refine;
+    tracking.mpApso.reset(new ApsoHook(f, f, cx, cy, options));
+  }
   Sophus::SE3f T_map;
   int hidden = 0;
   for (int k = 0; k < count; ++k) {
@@ -70,6 +75,7 @@ int run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, 
     tracking.mPlayedResponse = p.response;
     tracking.mbPlayedOK = p.ok != 0;
     tracking.mbPlayedRetry = p.retry != 0;
+    tracking.mnPlayedMatches = p.matches > 0 ? p.matches : 1 << 30;
     const cv::Mat rgb(height, width, CV_8UC3, const_cast<unsigned char*>(p.rgb));
     const cv::Mat depth(height, width, CV_32F, const_cast<float*>(p.depth));
     const Sophus::SE3f Tcw = tracking.GrabImageRGBD(rgb, depth, p.timestamp, "") * T_map;

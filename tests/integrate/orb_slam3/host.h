@@ -11,13 +11,14 @@ struct PlayedFrame {
   int retry;                 // it finds one when it looks near the true pose
   float map_shift;           // before this frame, the back end moves the map along x by this [m]
   int new_map;               // before this frame, the map begins anew
+  int matches;               // inliers at most; 0: all
 };
 struct HostResult {
-  float pose[12];      // T_camera_world that GrabImageRGBD returned
-  int keyframes;       // so far
-  int hidden;          // keypoints taken out of the frame, so far
-  int consistent;      // all lists of the frame have as many entries, and say the same of each keypoint
-  int on_mask;         // keypoints of the frame that lie on the mask
+  float pose[12];  // T_camera_world that GrabImageRGBD returned
+  int keyframes;   // so far
+  int hidden;      // keypoints taken out of the frame, so far
+  int consistent;  // all lists of the frame have as many entries, and say the same of each keypoint
+  int on_mask;     // keypoints of the frame that lie on the mask
   int refined;
   int tracking;        // mState is OK
   int retries;         // so far
@@ -29,6 +30,6 @@ struct HostPoint {
   int bad;  // the hook has taken it out of the map
 };
 
-// own_thread: what moves is found beside the host. points: of the map at the end, at most `room` of them; their number is returned.
+// refine: APSO_REFINE_*. points: of the map at the end, at most `room` of them; their number is returned.
 int run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostPoint* points,
-             int room);
+             int room, int refine);

@@ -31,7 +31,7 @@ struct Recording {
       testing::SyntheticFrame& f = frames[k];
       sequence.render(static_cast<int>(k), f);
       PlayedFrame& p = played[k];
-      p = {f.timestamp, f.rgb.data(), f.depth.data(), {}, 30.0F, 1, 0, 0, 0};
+      p = {f.timestamp, f.rgb.data(), f.depth.data(), {}, 30.0F, 1, 0, 0, 0, 0};
       const Pose T_camera_world = inverse(f.T_world_camera);
       for (int i = 0; i < 12; ++i) p.pose[i] = static_cast<float>(T_camera_world.matrix()(i / 4, i % 4));
     }
@@ -51,13 +51,13 @@ struct Recording {
     played[kBad].response = played[kLost].response = 0;
     played[kLost].ok = 0;
   }
-  [[nodiscard]] std::vector<HostResult> run() {
+  [[nodiscard]] std::vector<HostResult> run(int refine = APSO_REFINE_BAD) {
     std::vector<HostResult> out(frames.size());
     const Pinhole c = sequence.camera();
     map.resize(10000);
     map.resize(static_cast<std::size_t>(run_host(played.data(), static_cast<int>(frames.size()), static_cast<float>(c.fx),
                                                  static_cast<float>(c.cx), static_cast<float>(c.cy), c.width, c.height, out.data(),
-                                                 map.data(), 10000)));
+                                                 map.data(), 10000, refine)));
     return out;
   }
   // distance of the camera from the truth [m]
@@ -96,6 +96,45 @@ TEST_CASE("a BAD frame gets a better pose and no keyframe, the others keep their
     CHECK(r[kFrames - 1].keyframes > r[kLost].keyframes);  // and it goes on afterwards
     CHECK(std::any_of(r.begin(), r.end(), [](const HostResult& f) { return f.observed_ms > 0; }));
   }
+}
+
+TEST_CASE("a BAD frame with few matches may become a keyframe where followed corners confirm its pose") {
+  Recording recording("static_xyz");
+  recording.played[kBad].response = 0;
+  const std::vector<HostResult> many = recording.run(APSO_REFINE_NONE);
+  CHECK(many[kBad].keyframes == many[kBad - 1].keyframes);  // BAD, and the map can do without it
+  recording.played[kBad].matches = 60;
+  const std::vector<HostResult> few = recording.run(APSO_REFINE_NONE);
+  CHECK(few[kBad].keyframes == few[kBad - 1].keyframes + 1);
+  // not where the corners say another pose
+  Pose T = inverse(recording.frames[kBad].T_world_camera);
+  T.translation().x() += 0.1;
+  for (int i = 0; i < 12; ++i) recording.played[kBad].pose[i] = static_cast<float>(T.matrix()(i / 4, i % 4));
+  const std::vector<HostResult> off = recording.run(APSO_REFINE_NONE);
+  CHECK(off[kBad].keyframes == off[kBad - 1].keyframes);
+}
+
+TEST_CASE("without features and direct pose the followed corners carry the frame, and the map points are looked for from there") {
+  Recording recording("static_xyz");
+  recording.played[kLost].ok = 0;
+  for (const bool retry : {false, true}) {
+    CAPTURE(retry);
+    recording.played[kLost].retry = retry ? 1 : 0;
+    const std::vector<HostResult> r = recording.run(APSO_REFINE_NONE);
+    CHECK(r[kLost].refined == 0);
+    CHECK(r[kLost].tracking == 1);
+    CHECK(r[kLost].retries == 1);
+    CHECK(recording.error(r[kLost].pose, kLost) < (retry ? 1e-4 : 0.01));
+    CHECK(r[kLost].keyframes == r[kLost - 1].keyframes + (retry ? 1 : 0));  // the map learns from it where the points agree
+    CHECK(r[kFrames - 1].tracking == 1);
+  }
+  // errors of corners add up: 15 frames in a row at most
+  constexpr std::size_t kFirst = 20;
+  for (std::size_t k = kFirst; k < kFrames; ++k) recording.played[k].ok = recording.played[k].retry = 0;
+  const std::vector<HostResult> r = recording.run(APSO_REFINE_NONE);
+  CHECK(r[kFirst + 14].tracking == 1);
+  CHECK(recording.error(r[kFirst + 14].pose, kFirst + 14) < 0.08);
+  CHECK(r[kFirst + 15].tracking == 0);
 }
 
 TEST_CASE("a map that the back end moves takes the memory along, a new map begins anew") {
