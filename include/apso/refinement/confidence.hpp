@@ -45,8 +45,8 @@ inline double rising(double x, double zero, double one) {
 // recordings (benchmarks/verdict --recording). It is below the 2 cm that are asked because rolling shutters, delays between colour
 // and depth, and lenses move the image as a whole, which the scatter over its parts cannot show.
 inline constexpr double kHalfRightSigma = 0.0046;
-// Right results correlate by 0.9 and more, 99 of 100 by 0.82, on recordings as on synthetic pairs; two different rooms, laid over each
-// other by their walls, by up to 0.78 (benchmarks/verdict, benchmarks/compare_peers, seeds from 100).
+// Right results correlate by 0.9 and more, 99 of 100 by 0.82, on recordings as on synthetic pairs; two rooms of one shape with other
+// pictures on the walls, laid over each other, by 0.55 to 0.86 (benchmarks/verdict, benchmarks/compare_peers, seeds from 100).
 inline constexpr double kCorrelationNone = 0.7, kCorrelationFull = 0.9;
 inline constexpr double kMaxIterationsFactor = 0.5;
 inline constexpr double kAmbiguousFactor = 1.0 / 3;  // a pattern that repeats to one side repeats to the other: three answers at least
