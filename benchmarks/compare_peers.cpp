@@ -20,6 +20,7 @@
 
 #include <apso/opencv/cameras.hpp>
 #include <apso/refinement/align.hpp>
+#include <apso/traits/frame.hpp>
 
 #include "alignment_method.hpp"
 #include "recording_pairs.hpp"
@@ -69,9 +70,8 @@ class Apso : public Method {
  private:
   template <class Executor = apso::SerialExecutor>
   void build(const pairs::Image8& f, apso::FramePyramid& p, apso::PyramidRole role, const Executor& executor = {}) {
-    p.build(apso::frame(0.0, f.grey, f.depth, camera_), camera_, mask_ ? f.probability.view() : apso::ImageView<const float>{}, pyramid_,
-            role,
-            executor);  // 8-bit grey, as OpenCV takes it
+    const auto frame = apso::frame(0.0, f.grey, f.depth, camera_);  // 8-bit grey, as OpenCV takes it
+    p.build(frame, camera_, mask_ ? f.probability.view() : apso::ImageView<const float>{}, pyramid_, role, executor);
   }
   std::string name_, key_;
   apso::PyramidOptions pyramid_;

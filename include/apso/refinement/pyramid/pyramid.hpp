@@ -36,7 +36,7 @@ class FramePyramid {
   static constexpr int kCornerWidth = 400;  ///< images wider than this are not kept of a reference [px]
 
   /// \param frame a Frame of your images or an RgbdFrame; intensities that are not finite get weight 0, invalid depth is
-  ///        dropped. Its rows are read into the first level, without another copy, and it is not referred to afterwards
+  ///        dropped. Each row is read into the first level, or halved at once where that is not aligned; it is not referred to afterwards
   /// \param dynamic_probability any image of the size of the frame, [0,1], 1 = dynamic; none or empty = nothing is dynamic
   /// \param executor the result does not depend on its threads
   template <class Executor = SerialExecutor>
@@ -51,15 +51,15 @@ class FramePyramid {
     }
     levels_.resize(static_cast<std::size_t>(used));
     line_.resize(camera.width + 2 * Plane::kPad, Bands::kMost);
-    const bool halved = options.finest > 0 && dynamic_probability.empty() && read_halved(frame, options, executor);
-    if (!halved) read(frame, dynamic_probability, options, executor);
+    const bool passed_through = options.finest > 0 && dynamic_probability.empty() && read_halved(frame, options, executor);
+    if (!passed_through) read(frame, dynamic_probability, options, executor);
     weighted_of_ = nullptr;
     finest_ = options.finest > 0 && masked_share_ > options.finer_level_mask_share ? options.finest - 1 : options.finest;
     Pinhole cam = camera;
     for (int l = 0; l < used; ++l) {
       PyramidLevel& level = levels_[static_cast<std::size_t>(l)];
       if (l > 0) cam = cam.halved();
-      if (l > (halved ? 1 : 0)) halve(levels_[static_cast<std::size_t>(l - 1)], level, executor);
+      if (l > (passed_through ? 1 : 0)) halve(levels_[static_cast<std::size_t>(l - 1)], level, executor);
       level.camera = cam;
       if (l < finest_) continue;
       const bool fine = l <= options.finest;

@@ -132,7 +132,7 @@ struct PoseEquations {
   Twist b;
 };
 /// With M = w J^T J of a point p in the camera, J the derivative with respect to p, the blocks of H are sum M, sum [p]x M and
-/// -sum [p]x M [p]x. Half of M is zero, so that this takes a third of the multiplications of J_twist^T J_twist.
+/// -sum [p]x M [p]x. u does not depend on y, nor v on x, so that M_01 is 0: half as many multiplications as J_twist^T J_twist takes.
 /// \param per_pixel inverse of the noise of u and v, in sigma
 /// \param robust weigh by Geman-McClure; else all inliers count alike
 inline PoseEquations pose_equations(const Pinhole& camera, const std::vector<PointObservation>& observations, const Pose& T_camera_world,
