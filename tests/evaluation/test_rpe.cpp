@@ -74,10 +74,29 @@ TEST_CASE("the two forms: equal angles, lengths as their formulas say") {
   options.form = apso::RpeForm::Paper;
   const apso::RpeResult paper = apso::rpe(truth, estimate, options);
   REQUIRE(script.pairs.size() == 1);
-  CHECK(script.translation.mean == doctest::Approx(std::sqrt(2.0)));  // (1,0,0) - R_A (1,0,0)
-  CHECK(paper.translation.mean < 1e-12);                              // (1,0,0) - (1,0,0)
-  CHECK(script.rotation_deg.mean == doctest::Approx(90.0));
-  CHECK(paper.rotation_deg.mean == doctest::Approx(90.0));
+  REQUIRE(paper.pairs.size() == 2);
+  CHECK(script.translation_errors[0] == doctest::Approx(std::sqrt(2.0)));  // (1,0,0) - R_A (1,0,0)
+  CHECK(paper.translation_errors[0] < 1e-12);                              // (1,0,0) - (1,0,0)
+  CHECK(script.rotation_errors_deg[0] == doctest::Approx(90.0));
+  CHECK(paper.rotation_errors_deg[0] == doctest::Approx(90.0));
+}
+
+TEST_CASE("over frames the paper has all n - delta pairs, the script not the one that ends with the last pose") {
+  const apso::Trajectory truth = steady(10, {0.1, 0, 0}, {0, 0, 0.1});
+  apso::Trajectory estimate = truth;
+  estimate.back().T_world_body.translation().y() += 0.5;  // only a pair with the last pose shows it
+  for (const int delta : {1, 3}) {
+    apso::RpeOptions options = frames(delta);
+    const apso::RpeResult script = apso::rpe(truth, estimate, options);
+    CHECK(script.pairs.size() == static_cast<std::size_t>(9 - delta));
+    CHECK(script.translation.max < 1e-12);
+    options.form = apso::RpeForm::Paper;
+    const apso::RpeResult paper = apso::rpe(truth, estimate, options);
+    CHECK(paper.pairs.size() == static_cast<std::size_t>(10 - delta));
+    CHECK(paper.translation.max == doctest::Approx(0.5));
+    CHECK(paper.pairs.back().estimate_j == 9);
+    CHECK(paper.pairs.back().estimate_i == static_cast<std::size_t>(9 - delta));
+  }
 }
 
 TEST_CASE("a half turn too much is 180 degrees") {

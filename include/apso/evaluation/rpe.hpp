@@ -36,8 +36,8 @@ enum class DeltaUnit {
 /// Which relative motion the error is. With A = P_i^-1 P_j (estimate) and B = Q_i^-1 Q_j (truth) the angles are the
 /// same, the lengths are not: some per cent apart on real recordings.
 enum class RpeForm {
-  TumScript,  ///< A B^-1, what evaluate_rpe.py computes
-  Paper       ///< B^-1 A, as printed in Sturm et al. and computed by evo
+  TumScript,  ///< A B^-1, and no pair that ends with the last pose, as in evaluate_rpe.py
+  Paper       ///< B^-1 A, and over frames all n - delta pairs, as printed in Sturm et al. and computed by evo
 };
 [[nodiscard]] constexpr std::array<const char*, 2> enum_names(RpeForm) { return {"tum", "paper"}; }
 
@@ -147,10 +147,12 @@ namespace detail {
   if (groundtruth.size() < 2 || estimate.size() < 2) return result;
 
   const std::vector<double> axis = delta_axis(estimate, options.unit);
+  const bool over_frames_as_printed = options.form == RpeForm::Paper && options.unit == DeltaUnit::Frames;
   std::vector<std::pair<std::size_t, std::size_t>> chosen;
   for (std::size_t i = 0; i < estimate.size(); ++i) {
     const std::size_t j = closest_by_bisection(axis, axis[i] + options.delta);
-    if (j + 1 != estimate.size()) chosen.emplace_back(i, j);
+    const bool whole = over_frames_as_printed && axis[j] == axis[i] + options.delta;
+    if (whole || j + 1 != estimate.size()) chosen.emplace_back(i, j);
   }
   if (options.max_pairs > 0) keep_sample(chosen, static_cast<std::size_t>(options.max_pairs), options.seed);
 
@@ -182,12 +184,12 @@ namespace detail {
 }  // namespace detail
 
 /// Relative pose error over a fixed interval. For every pose i of the estimate, j is the pose closest to i + delta;
-/// pairs whose j is the last pose are dropped (the interval may be cut short there), and so are pairs where the
-/// nearest pose of the ground truth is farther in time than twice the median interval of the ground truth. As in the
-/// script, j may be i itself where the estimate has a gap of more than twice delta; such a pair has no error.
-/// Rigid motions of either world change nothing, so no alignment is needed; but both trajectories must be of the same
-/// body: a fixed motion between the bodies does change the result.
-/// \param groundtruth,estimate any ranges whose entries have stamped_pose_traits (a Trajectory, pairs of seconds and a pose of
+/// pairs whose j is the last pose are dropped (the interval may be cut short there; RpeForm::Paper over frames keeps the one
+/// that is whole), and so are pairs where the nearest pose of the ground truth is farther in time than twice the median interval of the
+/// ground truth. As in the script, j may be i itself where the estimate has a gap of more than twice delta; such a pair has no error. Rigid
+/// motions of either world change nothing, so no alignment is needed; but both trajectories must be of the same body: a fixed motion
+/// between the bodies does change the result. \param groundtruth,estimate any ranges whose entries have stamped_pose_traits (a Trajectory,
+/// pairs of seconds and a pose of
 ///        yours, ...): strictly increasing stamps, finite poses
 template <class Truth = Trajectory, class Estimate = Trajectory>
 [[nodiscard]] RpeResult rpe(const Truth& groundtruth, const Estimate& estimate, const RpeOptions& options = {}) {

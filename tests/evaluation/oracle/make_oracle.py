@@ -137,7 +137,7 @@ def ate(truth, estimate, kind="se3", axis=2):
     return n, math.sqrt(sum(x * x for x in e) / n), sum(e) / n, max(e), scale
 
 
-def rpe(truth, estimate, delta):
+def rpe(truth, estimate, delta, frames=False):
     nearest = lambda poses, t: min(range(len(poses)), key=lambda k: abs(poses[k][0] - t))
     gaps = sorted(b[0] - a[0] for a, b in zip(truth, truth[1:]))
     m = len(gaps) // 2
@@ -145,8 +145,8 @@ def rpe(truth, estimate, delta):
     trans, rot = [], []
     for i, a in enumerate(estimate):
         j = nearest(estimate, a[0] + delta)
-        if j == len(estimate) - 1:
-            continue
+        if j == len(estimate) - 1 and not (frames and j - i == delta):
+            continue  # over frames all n - delta pairs, over time those that cannot be cut short
         g, h = nearest(truth, a[0]), nearest(truth, estimate[j][0])
         if abs(truth[g][0] - a[0]) > limit or abs(truth[h][0] - estimate[j][0]) > limit:
             continue
@@ -172,4 +172,4 @@ if __name__ == "__main__":
     truth, estimate = read_kitti(HERE / "truth_kitti.txt"), read_kitti(HERE / "estimate_kitti.txt")
     for kind, axis in (("se3", 2), ("sim3", 2), ("yaw", 1)):
         print("KITTI " + line_of % ((kind,) + ate(truth, estimate, kind, axis)))
-    print("KITTI RPE 1 frame pairs %d translation %.12f rotation_deg %.12f" % rpe(truth, estimate, 1.0))
+    print("KITTI RPE 1 frame pairs %d translation %.12f rotation_deg %.12f" % rpe(truth, estimate, 1, frames=True))
