@@ -332,7 +332,7 @@ TEST_CASE("objects: the same on foreign depth, detections and tracks") {
   }
 }
 
-TEST_CASE("a point of the map is present, gone or unknown, the same on foreign types") {
+TEST_CASE("a point of the map is present, gone, on what moves or unknown, the same on foreign types") {
   Scene then;
   Scene now;
   Slab slab;
@@ -346,8 +346,8 @@ TEST_CASE("a point of the map is present, gone or unknown, the same on foreign t
   for (std::size_t i = 0; i < moves.size(); ++i) moves.data()[i] = now.truth.data()[i] != 0 ? 1.0F : 0.0F;
   const Both both(now, 0);
   const auto T_foreign = from_pose<foreign::DualQuaternionPose>(T_now);
-  int counts[2][3] = {};  // of points on the wall, and on the slab as it stood
-  int masked[3] = {};     // of points on the slab as it stands now, when the mask is given
+  int counts[2][4] = {};  // of points on the wall, and on the slab as it stood
+  int masked[4] = {};     // of points on the slab as it stands now, when the mask is given
   const auto look = [&](const Eigen::Vector3d& p, const AnyImage& mask) {
     const PointPresence seen = point_presence(p, to_pose(T_foreign), camera(), both.depth, mask);
     CHECK(point_presence(p, T_foreign, camera(), scaled(both.raw, kUnit), mask) == seen);
@@ -369,8 +369,18 @@ TEST_CASE("a point of the map is present, gone or unknown, the same on foreign t
   CHECK(counts[0][gone] == 0);
   CHECK(counts[0][present] > 600);  // of 1200; the rest is out of sight, hidden by the slab or at an edge
   CHECK(counts[1][gone] > 3 * (counts[1][present] + counts[1][0]));
-  CHECK(masked[0] > 100);  // what moves is no proof that the point has gone, and none that it rests
+  CHECK(masked[static_cast<std::size_t>(PointPresence::Moving)] >
+        100);  // what moves is no proof that the point has gone, and none that it rests
   CHECK(masked[gone] + masked[present] == 0);
+  // A body that has begun to move lies beside its points when the mask shows it: it is told where it is as near as it is deep.
+  const Image<float> near(camera().width, camera().height, 2.2F);
+  Image<float> beside(camera().width, camera().height, 0.0F);
+  const Eigen::Vector2d u = camera().project(Eigen::Vector3d(0, 0, 2));
+  beside(static_cast<int>(std::lround(u.x())) + 12, static_cast<int>(std::lround(u.y()))) = 1;
+  CHECK(point_presence({0, 0, 2}, Pose::Identity(), camera(), near, beside) == PointPresence::Moving);
+  CHECK(point_presence({0, 0, 2}, Pose::Identity(), camera(), Image<float>(camera().width, camera().height, 2.4F), beside) ==
+        PointPresence::Gone);
+  CHECK(point_presence({0, 0, 2}, Pose::Identity(), camera(), near, Image<float>()) == PointPresence::Gone);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   CHECK(point_presence({0, 0, -1}, Pose::Identity(), camera(), both.depth, moves) == PointPresence::Unknown);
   CHECK(point_presence({9, 0, 1}, Pose::Identity(), camera(), both.depth, moves) == PointPresence::Unknown);

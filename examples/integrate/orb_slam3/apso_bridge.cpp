@@ -1,6 +1,7 @@
 // Compiled as C++17 whatever the host is. See apso_bridge.h.
 #include "apso_bridge.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -73,6 +74,7 @@ struct ApsoBridge {
   }
   void follow(const double* T_world_camera_previous);
   void list_matches(const ApsoBridgeKeypoint* list, int count);
+  void add_bodies();
 
   bool own_thread;
   apso::Pinhole camera;
@@ -105,6 +107,22 @@ void ApsoBridge::follow(const double* T_world_camera_previous) {
   if (n < apso::kMinimumTrackInliers) return;
   T_world_predicted = T;
   followed = n;
+}
+
+// Bodies that move by the tracks join the mask: it finds them later, where they slide along themselves.
+void ApsoBridge::add_bodies() {
+  if (followed == 0 || !motion.bodies().any()) return;
+  constexpr int kBlock = 4;  // [px]
+  for (int y = 0; y < mask.height(); y += kBlock) {
+    for (int x = 0; x < mask.width(); x += kBlock) {
+      const double z = static_cast<double>(depth(x, y));
+      if (!(z > 0)) continue;
+      if (!motion.bodies().moves(apso::transform(T_world_predicted, camera.unproject(x, y, z)))) continue;
+      for (int v = y; v < std::min(y + kBlock, mask.height()); ++v) {
+        std::fill_n(mask.row(v) + x, std::min(kBlock, mask.width() - x), static_cast<unsigned char>(255));
+      }
+    }
+  }
 }
 
 void ApsoBridge::list_matches(const ApsoBridgeKeypoint* list, int count) {
@@ -186,6 +204,7 @@ int apso_bridge_observe(ApsoBridge* b, double timestamp, const unsigned char* gr
         b->pipeline.observe(frame, b->T_world_predicted, b->tracks, apso::none, mask != nullptr ? &given : nullptr);
     b->mask.resize(w, h);
     for (std::size_t i = 0; i < b->mask.size(); ++i) b->mask.data()[i] = seen.mask.probability.data()[i] > 0.5F ? 255 : 0;
+    b->add_bodies();
     b->times.observed = watch.ms();
   });
 }

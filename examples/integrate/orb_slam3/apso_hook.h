@@ -119,6 +119,9 @@ class ApsoHook {
       keypoints_.push_back({k.pt.x, k.pt.y, k.response, k.angle < 0 ? 0.0F : k.angle, k.octave,
                             matched ? static_cast<long long>(frame.mvpMapPoints[i]->mnId) : -1});
     }
+    // A few matches, or fewer than there are corners, that contradict the corners are on something that moves, or wrong.
+    const bool outnumbered = followed_count_ > 0 && matches < std::max(kFewMatches, followed_count_);
+    if (ok && outnumbered && !Near(frame.GetPose(), ReadInverse(predicted_))) ok = false;
     double T[12] = {};
     if (ok) WriteInverse(frame.GetPose(), T);
     Check(apso_bridge_conclude(bridge_, keypoints_.data(), static_cast<int>(keypoints_.size()), T, ok ? 1 : 0, &report_));
@@ -141,7 +144,7 @@ class ApsoHook {
     if (options_.drop_moved && ok && report_.keyframe_allowed) DropMoved(frame, local);
     // A host that makes no keyframe while its view changes is lost soon: where few matches are left, the pose of a BAD frame that
     // the corners confirm is good enough.
-    if (ok && !report_.keyframe_allowed && matches < kFewMatches && followed_count_ > 0 && Near(frame.GetPose(), ReadInverse(predicted_))) {
+    if (ok && !report_.keyframe_allowed && Holds(frame) && matches < kFewMatches && followed_count_ > 0 && Near(frame.GetPose(), ReadInverse(predicted_))) {
       report_.keyframe_allowed = 1;
     }
     Record(frame, report_.pose_ok != 0);
@@ -169,7 +172,7 @@ class ApsoHook {
       Forget(frame);
       frame.SetPose(T_direct);
     }
-    report_.keyframe_allowed = agree && (report_.confidence >= kSureConfidence || by_corners_) ? 1 : 0;
+    report_.keyframe_allowed = Holds(frame) && agree && (report_.confidence >= kSureConfidence || by_corners_) ? 1 : 0;
     if (agree) frames_on_corners_ = 0;
     if (!records_.empty()) records_.pop_back();
     Record(frame, true);
@@ -182,7 +185,7 @@ class ApsoHook {
     Wait();
     if (bridge_) apso_bridge_reset(bridge_);
     records_.clear();
-    gone_.clear();
+    moved_.clear();
     frames_on_corners_ = 0;
     report_ = ApsoBridgeReport();
     report_.keyframe_allowed = 1;
@@ -202,6 +205,7 @@ class ApsoHook {
   static constexpr double kSureConfidence = 0.75;  // as in apso's pipeline
   static constexpr int kFramesOnCorners = 15;      // in a row, as in apso's tracker: errors add up
   static constexpr int kFewMatches = 100;          // as many close points as ORB-SLAM3 wants to track
+  static constexpr int kKeyframeKeypoints = 500;   // of a keyframe of a BAD frame, as ORB-SLAM3 asks of the first of a map
   static constexpr int kMatchesThatAgree = 15;     // half of what ORB-SLAM3 asks of points alone
   static constexpr float kRoundTrip = 1;           // largest distance after going there and back [px]
   static constexpr int kGone = 3;                  // frames by which a point must have been seen gone more often than present
@@ -215,6 +219,11 @@ class ApsoHook {
     Sophus::SE3f T_camera_reference;
   };
 
+  // A keyframe of few keypoints is moved about by the bundle adjustment.
+  template <class Frame>
+  static bool Holds(const Frame& frame) {
+    return static_cast<int>(frame.mvKeysUn.size()) >= kKeyframeKeypoints;
+  }
   static bool Near(const Sophus::SE3f& a, const Sophus::SE3f& b) {
     const Sophus::SE3f apart = a * b.inverse();
     return apart.translation().norm() < 0.05F && Eigen::AngleAxisf(apart.rotationMatrix()).angle() < 0.05F;
@@ -332,14 +341,17 @@ class ApsoHook {
     double T[12];
     WriteInverse(frame.GetPose(), T);
     Check(apso_bridge_presence(bridge_, T, points_.data(), static_cast<int>(asked_.size()), presence_.data()));
-    if (gone_.size() > 100000) gone_.clear();
+    if (moved_.size() > 100000) moved_.clear();
     for (std::size_t k = 0; k < asked_.size(); ++k) {
       MapPoint* point = local[asked_[k]];
+      // Only what was seen on something that moves can have left: an unsure pose makes other points look gone.
+      if (presence_[k] == APSO_POINT_MOVING) moved_.emplace(point->mnId, 0);
+      const auto moved = moved_.find(point->mnId);
+      if (moved == moved_.end()) continue;
       if (presence_[k] == APSO_POINT_PRESENT) {
-        const auto seen = gone_.find(point->mnId);
-        if (seen != gone_.end() && --seen->second <= 0) gone_.erase(seen);
-      } else if (presence_[k] == APSO_POINT_GONE && ++gone_[point->mnId] >= kGone) {
-        gone_.erase(point->mnId);
+        if (--moved->second < 0) moved_.erase(moved);
+      } else if (presence_[k] == APSO_POINT_GONE && ++moved->second >= kGone) {
+        moved_.erase(moved);
         point->SetBadFlag();
         ++dropped_;
       }
@@ -415,7 +427,7 @@ class ApsoHook {
   bool moving_on_ = false;
   std::deque<Recorded> records_;  // oldest first
   std::vector<ApsoBridgeKeypoint> keypoints_;
-  std::unordered_map<unsigned long, int> gone_;  // by MapPoint::mnId
+  std::unordered_map<unsigned long, int> moved_;  // by MapPoint::mnId: frames seen gone more often than present, since it moved
   std::vector<float> points_;
   std::vector<std::size_t> asked_;
   std::vector<unsigned char> presence_;
