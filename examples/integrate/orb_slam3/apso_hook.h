@@ -144,7 +144,8 @@ class ApsoHook {
     if (options_.drop_moved && ok && report_.keyframe_allowed) DropMoved(frame, local);
     // A host that makes no keyframe while its view changes is lost soon: where few matches are left, the pose of a BAD frame that
     // the corners confirm is good enough.
-    if (ok && !report_.keyframe_allowed && Holds(frame) && matches < kFewMatches && followed_count_ > 0 && Near(frame.GetPose(), ReadInverse(predicted_))) {
+    if (ok && !report_.keyframe_allowed && Holds(frame) && matches < kFewMatches && followed_count_ > 0 &&
+        Near(frame.GetPose(), ReadInverse(predicted_))) {
       report_.keyframe_allowed = 1;
     }
     Record(frame, report_.pose_ok != 0);

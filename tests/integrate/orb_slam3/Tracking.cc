@@ -151,7 +151,7 @@ void Tracking::BuildFrame(const cv::Mat& imDepth, double timestamp) {
   F.mnMaxX = mWidth;
   F.mnMaxY = mHeight;
   for (MapPoint& p : mMap) {
-    if (p.isBad()) continue;
+    if (p.isBad() || static_cast<int>(F.mvKeysUn.size()) >= mnPlayedKeypoints) continue;
     const Eigen::Vector3f X = mPlayedPose * p.mWorldPos;
     const float u = fx * X.x() / X.z() + cx;
     const float v = fy * X.y() / X.z() + cy;

@@ -44,6 +44,7 @@ class Tracking {
   bool mbPlayedOK = true;
   float mPlayedResponse = 30;
   int mnPlayedMatches = 1 << 30;  // so many inliers at most
+  int mnPlayedKeypoints = 1 << 30;
   bool mbPlayedRetry = false;     // the features are found when they are looked for near the true pose
   std::deque<MapPoint> mMap;
   std::deque<KeyFrame> mKeyFrames;

@@ -76,6 +76,7 @@ int run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, 
     tracking.mbPlayedOK = p.ok != 0;
     tracking.mbPlayedRetry = p.retry != 0;
     tracking.mnPlayedMatches = p.matches > 0 ? p.matches : 1 << 30;
+    tracking.mnPlayedKeypoints = p.keypoints > 0 ? p.keypoints : 1 << 30;
     const cv::Mat rgb(height, width, CV_8UC3, const_cast<unsigned char*>(p.rgb));
     const cv::Mat depth(height, width, CV_32F, const_cast<float*>(p.depth));
     const Sophus::SE3f Tcw = tracking.GrabImageRGBD(rgb, depth, p.timestamp, "") * T_map;

@@ -12,6 +12,7 @@ struct PlayedFrame {
   float map_shift;           // before this frame, the back end moves the map along x by this [m]
   int new_map;               // before this frame, the map begins anew
   int matches;               // inliers at most; 0: all
+  int keypoints;             // at most; 0: all
 };
 struct HostResult {
   float pose[12];  // T_camera_world that GrabImageRGBD returned

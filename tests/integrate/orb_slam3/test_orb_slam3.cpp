@@ -31,7 +31,7 @@ struct Recording {
       testing::SyntheticFrame& f = frames[k];
       sequence.render(static_cast<int>(k), f);
       PlayedFrame& p = played[k];
-      p = {f.timestamp, f.rgb.data(), f.depth.data(), {}, 30.0F, 1, 0, 0, 0, 0};
+      p = {f.timestamp, f.rgb.data(), f.depth.data(), {}, 30.0F, 1, 0, 0, 0, 0, 0};
       const Pose T_camera_world = inverse(f.T_world_camera);
       for (int i = 0; i < 12; ++i) p.pose[i] = static_cast<float>(T_camera_world.matrix()(i / 4, i % 4));
     }
@@ -106,6 +106,11 @@ TEST_CASE("a BAD frame with few matches may become a keyframe where followed cor
   recording.played[kBad].matches = 60;
   const std::vector<HostResult> few = recording.run(APSO_REFINE_NONE);
   CHECK(few[kBad].keyframes == few[kBad - 1].keyframes + 1);
+  // not of so few keypoints that the bundle adjustment would move it about
+  recording.played[kBad].keypoints = 300;
+  const std::vector<HostResult> dark = recording.run(APSO_REFINE_NONE);
+  CHECK(dark[kBad].keyframes == dark[kBad - 1].keyframes);
+  recording.played[kBad].keypoints = 0;
   // not where the corners say another pose
   Pose T = inverse(recording.frames[kBad].T_world_camera);
   T.translation().x() += 0.1;
