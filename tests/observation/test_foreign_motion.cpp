@@ -366,13 +366,13 @@ TEST_CASE("a point of the map is present, gone, on what moves or unknown, the sa
   }
   const auto gone = static_cast<std::size_t>(PointPresence::Gone);
   const auto present = static_cast<std::size_t>(PointPresence::Present);
+  const auto moving = static_cast<std::size_t>(PointPresence::Moving);
   CHECK(counts[0][gone] == 0);
   CHECK(counts[0][present] > 600);  // of 1200; the rest is out of sight, hidden by the slab or at an edge
   CHECK(counts[1][gone] > 3 * (counts[1][present] + counts[1][0]));
-  CHECK(masked[static_cast<std::size_t>(PointPresence::Moving)] >
-        100);  // what moves is no proof that the point has gone, and none that it rests
+  CHECK(masked[moving] > 100);  // what moves is no proof that the point has gone, and none that it rests
   CHECK(masked[gone] + masked[present] == 0);
-  // A body that has begun to move lies beside its points when the mask shows it: it is told where it is as near as it is deep.
+  // When the mask shows a body that has begun to move, the body lies beside its points: they are told by what moves close by.
   const Image<float> near(camera().width, camera().height, 2.2F);
   Image<float> beside(camera().width, camera().height, 0.0F);
   const Eigen::Vector2d u = camera().project(Eigen::Vector3d(0, 0, 2));

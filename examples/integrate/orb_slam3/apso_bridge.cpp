@@ -109,7 +109,7 @@ void ApsoBridge::follow(const double* T_world_camera_previous) {
   followed = n;
 }
 
-// Bodies that move by the tracks join the mask: it finds them later, where they slide along themselves.
+// Bodies that the tracks show to move join the mask: the policy is sure of them some frames later.
 void ApsoBridge::add_bodies() {
   if (followed == 0 || !motion.bodies().any()) return;
   constexpr int kBlock = 4;  // [px]

@@ -56,6 +56,7 @@ typedef struct {
   double remembered; /* beside the host, after apso_bridge_conclude() */
 } ApsoBridgeTimes;
 
+/* MOVING: something that moves is there or close by; a point of it may be GONE later. */
 enum { APSO_POINT_UNKNOWN = 0, APSO_POINT_PRESENT = 1, APSO_POINT_GONE = 2, APSO_POINT_MOVING = 3 };
 
 /* The pose now of the frame of this time stamp, whose pose was T_world_camera so far. Returns 1 and writes over the pose, or 0 where

@@ -183,13 +183,13 @@ namespace detail {
 }
 }  // namespace detail
 
-/// Relative pose error over a fixed interval. For every pose i of the estimate, j is the pose closest to i + delta;
-/// pairs whose j is the last pose are dropped (the interval may be cut short there; RpeForm::Paper over frames keeps the one
-/// that is whole), and so are pairs where the nearest pose of the ground truth is farther in time than twice the median interval of the
-/// ground truth. As in the script, j may be i itself where the estimate has a gap of more than twice delta; such a pair has no error. Rigid
-/// motions of either world change nothing, so no alignment is needed; but both trajectories must be of the same body: a fixed motion
-/// between the bodies does change the result. \param groundtruth,estimate any ranges whose entries have stamped_pose_traits (a Trajectory,
-/// pairs of seconds and a pose of
+/// Relative pose error over a fixed interval. For every pose i of the estimate, j is the pose closest to i + delta. Pairs whose j
+/// is the last pose are dropped, since the interval may be cut short there; RpeForm::Paper over frames keeps the one that is whole.
+/// Dropped as well are pairs where the nearest pose of the ground truth is farther in time than twice the median interval of the
+/// ground truth. As in the script, j may be i itself where the estimate has a gap of more than twice delta; such a pair has no error.
+/// Rigid motions of either world change nothing, so no alignment is needed; but both trajectories must be of the same body: a fixed
+/// motion between the bodies does change the result.
+/// \param groundtruth,estimate any ranges whose entries have stamped_pose_traits (a Trajectory, pairs of seconds and a pose of
 ///        yours, ...): strictly increasing stamps, finite poses
 template <class Truth = Trajectory, class Estimate = Trajectory>
 [[nodiscard]] RpeResult rpe(const Truth& groundtruth, const Estimate& estimate, const RpeOptions& options = {}) {
