@@ -252,8 +252,8 @@ class ApsoHook {
     if (!corners_.empty() && previous_grey_.size() == grey_.size()) {
       const cv::TermCriteria stop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 20, 0.03);
       cv::calcOpticalFlowPyrLK(previous_pyramid_, pyramid_, corners_, followed_, found_, error_, window, kLevels, stop);
-      back_ = corners_;
-      cv::calcOpticalFlowPyrLK(pyramid_, previous_pyramid_, followed_, back_, found_back_, error_, window, kLevels, stop,
+      back_ = corners_;  // one that has not slipped is there already: no pyramid is needed
+      cv::calcOpticalFlowPyrLK(pyramid_, previous_pyramid_, followed_, back_, found_back_, error_, window, 0, stop,
                                cv::OPTFLOW_USE_INITIAL_FLOW);
       for (std::size_t i = 0; i < corners_.size(); ++i) {
         const cv::Point2f& p = followed_[i];

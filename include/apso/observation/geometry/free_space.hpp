@@ -73,36 +73,48 @@ inline void compare_with_view(const Image<float>& depth, const Pinhole& camera, 
   int same = 0;    // points that agree with a static surface of the past view
   int behind = 0;  // points behind such a surface
   const float ifx = 1.0F / fx;
+  const auto width = static_cast<float>(w);
+  const auto height = static_cast<float>(h);
+  // Where a run of pixels lies in the past view, without a branch so that it is computed side by side; then what is there.
+  constexpr int kRun = 32;
+  float pz[kRun];
+  int at[kRun];  // pixel of the past view, -1 none
   for (int y = 0; y < h; ++y) {
-    const float* z = depth.row(y);
-    float* vote = votes.row(y);
     const Eigen::Vector3f row = T.rotate(-cx * ifx, (static_cast<float>(y) - cy) / fy, 1.0F);
-    for (int x = 0; x < w; ++x) {
-      vote[x] = 0;
-      if (!(z[x] > 0)) continue;
-      const float along = static_cast<float>(x) * ifx;
-      const float px = z[x] * (along * T.R[0][0] + row.x()) + T.t[0];
-      const float py = z[x] * (along * T.R[1][0] + row.y()) + T.t[1];
-      const float pz = z[x] * (along * T.R[2][0] + row.z()) + T.t[2];
-      if (!(pz > 0.05F)) continue;
-      const float iz = 1.0F / pz;
-      const float u = fx * px * iz + cx + 0.5F;
-      const float v = fy * py * iz + cy + 0.5F;
-      if (!(u >= 0 && v >= 0 && u < static_cast<float>(w) && v < static_cast<float>(h))) continue;
-      const int iu = static_cast<int>(u);
-      const int iv = static_cast<int>(v);
-      const float nearest = reference.limits.nearest(iu, iv);
-      if (!(nearest > 0)) continue;
-      // both depths have about this noise where the answer is close
-      const float tau = std::max(kTolerance, kSigmas * 1.41421356F * depth_sigma(std::max(pz, nearest))) + slack;
-      const bool was_dynamic = reference.dynamic(iu, iv) != 0;
-      if (pz < nearest - tau) {
-        vote[x] = 0.5F + 0.5F * std::min(1.0F, (nearest - tau - pz) / tau);
-      } else if (pz <= reference.limits.farthest(iu, iv) + tau) {
-        vote[x] = was_dynamic ? static_cast<float>(kSameDynamic) : static_cast<float>(kSameStatic);
-        same += was_dynamic ? 0 : 1;
-      } else {
-        behind += was_dynamic ? 0 : 1;
+    for (int start = 0; start < w; start += kRun) {
+      const int n = std::min(kRun, w - start);
+      const float* z = depth.row(y) + start;
+      float* vote = votes.row(y) + start;
+      for (int k = 0; k < n; ++k) {
+        const float along = static_cast<float>(start + k) * ifx;
+        const float px = z[k] * (along * T.R[0][0] + row.x()) + T.t[0];
+        const float py = z[k] * (along * T.R[1][0] + row.y()) + T.t[1];
+        pz[k] = z[k] * (along * T.R[2][0] + row.z()) + T.t[2];
+        const float iz = 1.0F / pz[k];
+        const float u = fx * px * iz + cx + 0.5F;
+        const float v = fy * py * iz + cy + 0.5F;
+        const bool seen = (z[k] > 0) & (pz[k] > 0.05F) & (u >= 0) & (v >= 0) & (u < width) & (v < height);
+        const int iu = static_cast<int>(std::min(std::max(0.0F, u), width - 1));  // also of NaN a number
+        const int iv = static_cast<int>(std::min(std::max(0.0F, v), height - 1));
+        at[k] = seen ? iv * w + iu : -1;
+      }
+      for (int k = 0; k < n; ++k) {
+        vote[k] = 0;
+        if (at[k] < 0) continue;
+        const auto i = static_cast<std::size_t>(at[k]);
+        const float nearest = reference.limits.nearest.data()[i];
+        if (!(nearest > 0)) continue;
+        // both depths have about this noise where the answer is close
+        const float tau = std::max(kTolerance, kSigmas * 1.41421356F * depth_sigma(std::max(pz[k], nearest))) + slack;
+        const bool was_dynamic = reference.dynamic.data()[i] != 0;
+        if (pz[k] < nearest - tau) {
+          vote[k] = 0.5F + 0.5F * std::min(1.0F, (nearest - tau - pz[k]) / tau);
+        } else if (pz[k] <= reference.limits.farthest.data()[i] + tau) {
+          vote[k] = was_dynamic ? static_cast<float>(kSameDynamic) : static_cast<float>(kSameStatic);
+          same += was_dynamic ? 0 : 1;
+        } else {
+          behind += was_dynamic ? 0 : 1;
+        }
       }
     }
   }
