@@ -28,6 +28,8 @@ wait_for 10 '[ -s "$scratch/display" ]' || { echo "skipped: Xvfb does not start"
 DISPLAY=:$(cat "$scratch/display")
 export DISPLAY
 unset WAYLAND_DISPLAY
+# on a busy machine the display has a number before it answers
+wait_for 10 'xdotool getdisplaygeometry >/dev/null 2>&1' || { echo "skipped: Xvfb does not answer"; cat "$scratch/xvfb.log"; exit 77; }
 
 "$track" synthetic:static_static --quiet --live --output "$scratch/out" >"$scratch/log" 2>&1 &
 program=$!

@@ -142,9 +142,9 @@ class ApsoHook {
       }
     }
     if (options_.drop_moved && ok && report_.keyframe_allowed) DropMoved(frame, local);
-    // A host that makes no keyframe while its view changes is lost soon: where few matches are left, the pose of a BAD frame that
+    // A host that makes no keyframe while its view changes is lost soon: where matches become few, the pose of a BAD frame that
     // the corners confirm is good enough.
-    if (ok && !report_.keyframe_allowed && Holds(frame) && matches < kFewMatches && followed_count_ > 0 &&
+    if (ok && !report_.keyframe_allowed && Holds(frame) && matches < kEnoughMatches && followed_count_ > 0 &&
         Near(frame.GetPose(), ReadInverse(predicted_))) {
       report_.keyframe_allowed = 1;
     }
@@ -206,6 +206,7 @@ class ApsoHook {
   static constexpr double kSureConfidence = 0.75;  // as in apso's pipeline
   static constexpr int kFramesOnCorners = 15;      // in a row, as in apso's tracker: errors add up
   static constexpr int kFewMatches = 100;          // as many close points as ORB-SLAM3 wants to track
+  static constexpr int kEnoughMatches = 300;       // with so many the map can do without a keyframe
   static constexpr int kKeyframeKeypoints = 500;   // of a keyframe of a BAD frame, as ORB-SLAM3 asks of the first of a map
   static constexpr int kMatchesThatAgree = 15;     // half of what ORB-SLAM3 asks of points alone
   static constexpr float kRoundTrip = 1;           // largest distance after going there and back [px]

@@ -103,9 +103,15 @@ TEST_CASE("a BAD frame with few matches may become a keyframe where followed cor
   recording.played[kBad].response = 0;
   const std::vector<HostResult> many = recording.run(APSO_REFINE_NONE);
   CHECK(many[kBad].keyframes == many[kBad - 1].keyframes);  // BAD, and the map can do without it
-  recording.played[kBad].matches = 60;
-  const std::vector<HostResult> few = recording.run(APSO_REFINE_NONE);
-  CHECK(few[kBad].keyframes == few[kBad - 1].keyframes + 1);
+  recording.played[kBad].matches = 320;
+  const std::vector<HostResult> enough = recording.run(APSO_REFINE_NONE);
+  CHECK(enough[kBad].keyframes == enough[kBad - 1].keyframes);
+  for (const int matches : {280, 60}) {
+    CAPTURE(matches);
+    recording.played[kBad].matches = matches;
+    const std::vector<HostResult> few = recording.run(APSO_REFINE_NONE);
+    CHECK(few[kBad].keyframes == few[kBad - 1].keyframes + 1);
+  }
   // not of so few keypoints that the bundle adjustment would move it about
   recording.played[kBad].keypoints = 300;
   const std::vector<HostResult> dark = recording.run(APSO_REFINE_NONE);
