@@ -10,7 +10,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cctype>
 #include <cstdio>
 #include <cstdlib>
@@ -110,35 +109,57 @@ inline bool complete(const std::filesystem::path& folder) {
   return summary.is_object() && !summary.contains("failure");
 }
 
-/// Which file of rendered frames is still of use: it is removed with the last of its runs.
-class SharedFrames {
+/// Runs in the order in which workers take them. Runs on one synthetic sequence share a file of rendered frames: one of them renders,
+/// and while it does the others are put off as long as something else can be done. The file is removed with the last of its runs.
+/// One worker at a time may call a member.
+class RunQueue {
  public:
-  explicit SharedFrames(const std::vector<Job>& jobs) {
+  explicit RunQueue(const std::vector<Job>& jobs) {
     for (const Job& job : jobs) {
+      left_.push_back(&job);
       if (job.kept_frames.empty()) continue;
       Users& users = files_[job.kept_frames];
       ++users.left;
       users.to_make += complete(job.folder) ? 0 : 1;
     }
   }
-  ~SharedFrames() {
+  ~RunQueue() {
     std::error_code used;  // there is something else in the folder
     for (const auto& file : files_) std::filesystem::remove(file.first.parent_path(), used);
   }
-  SharedFrames(const SharedFrames&) = delete;
-  SharedFrames& operator=(const SharedFrames&) = delete;
+  RunQueue(const RunQueue&) = delete;
+  RunQueue& operator=(const RunQueue&) = delete;
 
-  /// Arguments of apso_track for a run: none if nobody else would use its frames.
-  [[nodiscard]] std::vector<std::string> arguments(const Job& job) const {
+  /// The next run; null if none is left.
+  [[nodiscard]] const Job* take() {
+    if (left_.empty()) return nullptr;
+    auto chosen = std::find_if(left_.begin(), left_.end(), [&](const Job* job) {
+      const auto file = files_.find(job->kept_frames);
+      return file == files_.end() || !file->second.rendering || complete(job->folder);
+    });
+    if (chosen == left_.end()) chosen = left_.begin();
+    const Job* const job = *chosen;
+    left_.erase(chosen);
+    return job;
+  }
+  /// Arguments of apso_track for the frames of a run that starts now: none if nobody else would use them.
+  [[nodiscard]] std::vector<std::string> arguments(const Job& job) {
     const auto file = files_.find(job.kept_frames);
     if (file == files_.end() || (file->second.to_make < 2 && !std::filesystem::exists(file->first))) return {};
+    file->second.rendering = !file->second.rendered;
     std::error_code failed;  // then apso_track renders
     std::filesystem::create_directories(file->first.parent_path(), failed);
     return {"--keep-frames", file->first.string()};
   }
-  void done(const Job& job) {
+  /// A run has ended. \param made  it has been run, and was not complete before
+  void done(const Job& job, bool made) {
     const auto file = files_.find(job.kept_frames);
-    if (file == files_.end() || --file->second.left > 0) return;
+    if (file == files_.end()) return;
+    if (made) {
+      file->second.rendering = false;
+      file->second.rendered = true;
+    }
+    if (--file->second.left > 0) return;
     std::error_code failed;
     std::filesystem::remove(file->first, failed);
   }
@@ -147,44 +168,44 @@ class SharedFrames {
   struct Users {
     int left = 0;     // runs that are not done
     int to_make = 0;  // runs that were not complete at the start
+    bool rendering = false;
+    bool rendered = false;
   };
+  std::vector<const Job*> left_;
   std::map<std::filesystem::path, Users> files_;
 };
 
 /// Makes the runs that are not complete, `workers` at a time, and prints progress. \return one message per failed run
 inline std::vector<std::string> run_jobs(const std::vector<Job>& jobs, int workers, const char* title) {
   namespace fs = std::filesystem;
-  std::atomic<std::size_t> next{0};
-  std::atomic<int> done{0};
-  std::mutex lock;
+  int done = 0;
+  std::mutex lock;  // of all that follows
   std::vector<std::string> problems;
   const std::string program = (program_folder() / "apso_track").string();
-  SharedFrames frames(jobs);
+  RunQueue queue(jobs);
   const auto work = [&] {
-    for (std::size_t i = next++; i < jobs.size(); i = next++) {
-      const Job& job = jobs[i];
-      const bool had = complete(job.folder);
+    std::unique_lock<std::mutex> guard(lock);
+    while (const Job* const job = queue.take()) {
+      const bool had = complete(job->folder);
       int code = 0;
-      const std::string log = (job.folder / "log.txt").string();
+      const std::string log = (job->folder / "log.txt").string();
       if (!had) {
-        fs::create_directories(job.folder);
+        fs::create_directories(job->folder);
         std::vector<std::string> command{program};
-        command.insert(command.end(), job.arguments.begin(), job.arguments.end());
+        command.insert(command.end(), job->arguments.begin(), job->arguments.end());
         // Each worker has one thread, so that times are those of a thread, unless the sequence says otherwise.
         if (std::count(command.begin(), command.end(), "--threads") == 0) command.insert(command.end(), {"--threads", "1"});
-        {
-          const std::lock_guard<std::mutex> guard(lock);
-          const std::vector<std::string> kept = frames.arguments(job);
-          command.insert(command.end(), kept.begin(), kept.end());
-        }
-        command.insert(command.end(), {"--quiet", "--output", job.folder.string()});
+        const std::vector<std::string> kept = queue.arguments(*job);
+        command.insert(command.end(), kept.begin(), kept.end());
+        command.insert(command.end(), {"--quiet", "--output", job->folder.string()});
+        guard.unlock();
         code = run_program(command, log);
+        guard.lock();
       }
       const bool failed = code != 0 && code != exit_no_pose;
-      const std::lock_guard<std::mutex> guard(lock);
-      frames.done(job);
-      if (failed) problems.push_back(job.folder.string() + ": apso_track ended with " + std::to_string(code) + ", see " + log);
-      std::fprintf(stderr, "%s %d/%zu  %s%s\n", title, ++done, jobs.size(), job.folder.filename().string().c_str(),
+      queue.done(*job, !had);
+      if (failed) problems.push_back(job->folder.string() + ": apso_track ended with " + std::to_string(code) + ", see " + log);
+      std::fprintf(stderr, "%s %d/%zu  %s%s\n", title, ++done, jobs.size(), job->folder.filename().string().c_str(),
                    had ? " (was done)" : (failed ? " FAILED" : ""));
     }
   };

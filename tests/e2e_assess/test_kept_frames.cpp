@@ -143,6 +143,12 @@ TEST_CASE("apso_ablate renders a sequence once for its variants, two at a time, 
     check_same_results(alone, run_of(variant, 0));
     CHECK(read_json(run_of(variant, 1) / "summary.json")["command"].get<std::string>().find("--keep-frames") != std::string::npos);
   }
+  // the second worker did not render the first's sequence too, as there was another to render
+  int rendered = 0;
+  for (const char* variant : {"plain", "no_refinement", "default", "true_masks"}) {
+    for (const int repetition : {0, 1}) rendered += median_load(run_of(variant, repetition)) > 0.5 * median_load(d + "/plain") ? 1 : 0;
+  }
+  CHECK(rendered == 2);
 
   // stopped: two runs are left to do, and a file that a killed run was writing
   fs::remove(run_of("default", 1) / "summary.json");
