@@ -197,8 +197,8 @@ void Run::process(int i) {
   }
   // Last: the observation drawn above is forgotten with all else that lies in the part that was left.
   if (change.event == apso::PartEvent::Left) pipeline.reset();
-  if (change.event == apso::PartEvent::Joined) {
-    pipeline.correct([&](double, const apso::Pose& T) { return std::optional(apso::compose(change.T_part_before, T)); });
+  if (change.moves_poses()) {
+    pipeline.correct([&](double t, const apso::Pose& T) { return std::optional(change.moved(t, T)); });
   }
   ms.wall = whole.lap();
   record_.timings.push_back(ms);

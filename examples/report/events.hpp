@@ -68,13 +68,14 @@ inline std::string reference_event(const track::Run& run, std::size_t row) {
   return text;
 }
 
-/// What is told when the camera went on in another part of the map, or the part was joined with another one.
+/// What is told when the camera went on in another part of the map, the part was joined with another one, or a loop in it was closed.
 /// \param change one of "changes" of the "parts" in summary.json
 /// \param last   the highest number of a part so far
 inline std::string part_event(const nlohmann::json& change, int last) {
   const std::string to = "part " + std::to_string(change.at("to").get<int>());
   if (change.at("event") == "joined")
     return "part " + std::to_string(change.at("from").get<int>()) + " was recognised in " + to + " and joined with it";
+  if (change.at("event") == "closed") return "back at a place of " + to + " of the map: the drift of the way round is taken out";
   return change.at("to").get<int>() > last ? "lost for a second on good images: " + to + " of the map begins"
                                            : "found again in " + to + " of the map";
 }

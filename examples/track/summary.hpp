@@ -16,7 +16,7 @@
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/opencv/detectors/precomputed_motion.hpp>
 #include <apso/pipeline/report.hpp>
-#include <apso/tracker/map_parts.hpp>
+#include <apso/tracker/map/part_change.hpp>
 #include <apso/version.hpp>
 
 #include "output.hpp"
@@ -32,7 +32,7 @@ struct Record {
     double timestamp = 0;
     apso::PartChange change;
   };
-  std::vector<Change> changes;             ///< where a part was left or joined
+  std::vector<Change> changes;             ///< where a part was left or joined, or a loop closed
   int part = 0;                            ///< the largest
   apso::Trajectory final_poses;            ///< of the largest part
   apso::Trajectory feature_poses;          ///< of the same

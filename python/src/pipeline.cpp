@@ -234,14 +234,23 @@ moves along with the latest frame, and so does all that pose_of is not asked for
       .def_property_readonly("dynamic_probability", &PythonPipeline::dynamic_probability, "Of the last frame, (height, width), float32.")
       .def_property_readonly("dynamic_ratio", &PythonPipeline::dynamic_ratio, "Share of the last frame that moves, [0, 1].");
   using Change = apso::PartChange;
-  py::class_<Change>(m, "PartChange", "What became of the part of the map that the poses lie in.")
+  py::class_<Change>(m, "PartChange", "What became of the part of the map that the poses lie in, and of these.")
       .def_property_readonly(
-          "event", [](const Change& c) { return apso::to_string(c.event); }, "'none', 'left' or 'joined'.")
+          "event", [](const Change& c) { return apso::to_string(c.event); }, "'none', 'left', 'joined' or 'closed' (a loop).")
       .def_readonly("part", &Change::part, "That the poses to come lie in; the first is 0.")
       .def_readonly("before", &Change::before, "That the poses up to now lie in.")
       .def_property_readonly(
           "T_part_before", [](const Change& c) { return array_of(c.T_part_before); },
-          "After 'joined': takes the poses of `before` to `part`, 4x4 [m].");
+          "After 'joined': takes the poses of `before` to `part`, 4x4 [m].")
+      .def_property_readonly("moves_poses", &Change::moves_poses,
+                             "After 'joined' and 'closed': poses of `before` have moved, as moved() tells.")
+      .def(
+          "moved",
+          [](const Change& c, double timestamp, const py::object& T) {
+            return array_of(c.moved(timestamp, rigid_pose_of(T, "T_world_camera")));
+          },
+          py::arg("timestamp"), py::arg("T_world_camera"),
+          "Where a pose of `before`, (4, 4), of this time [s] is now. After 'none' and 'left' where it was.");
   using Result = apso::FeatureResult;
   py::class_<Result>(m, "FeatureResult", "A pose of Tracker.")
       .def_readonly("ok", &Result::ok)
@@ -264,9 +273,10 @@ For each frame call begin(), estimate() as often as a better mask is known, and 
            "Pose of the frame begun. dynamic_probability: (height, width), float32 in [0, 1]; None: nothing moves.")
       .def("commit", &PythonTracker::commit, py::arg("T_world_camera"), py::arg("dynamic_probability") = py::none(), py::kw_only(),
            py::arg("keyframe_allowed") = true, "Ends the frame with its final pose, (4, 4).")
-      .def("reconnect", &PythonTracker::reconnect,
-           R"(After each commit(), where a map of several parts is wanted: a camera that is lost for a second begins a new one. Returns a
-PartChange: after 'left' call Pipeline.reset(), after 'joined' Pipeline.correct(lambda t, T: T_part_before @ T).)");
+      .def(
+          "reconnect", &PythonTracker::reconnect,
+          R"(After each commit(), where a map of several parts is wanted: a camera that is lost for a second begins a new one, and loops are
+closed. Returns a PartChange: after 'left' call Pipeline.reset(); if it moves_poses, Pipeline.correct(change.moved).)");
 }
 
 }  // namespace apso_python

@@ -200,6 +200,12 @@ class SameAsCpp(unittest.TestCase):
         self.assertGreaterEqual(left - 6, 29)  # a second at 30 Hz
         self.assertEqual([events[left].before, events[left].part, events[-1].before], [0, 1, 1])
         np.testing.assert_array_equal(events[left].T_part_before, np.eye(4))
+        T = R.matrix("frame1.T_feature", 4)
+        for e in events[0], events[left]:  # these move no pose
+            self.assertFalse(e.moves_poses)
+            np.testing.assert_array_equal(e.moved(0.5, T), T)
+        with self.assertRaisesRegex(ValueError, r"T_world_camera has shape \(2, 2\): expected \(4, 4\)"):
+            events[0].moved(0.5, np.eye(2))
 
 
 class Arguments(unittest.TestCase):

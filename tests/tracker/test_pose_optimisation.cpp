@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include <apso/tracker/local_map.hpp>
+#include <apso/tracker/map/local_map.hpp>
 #include <apso/tracker/solvers/pose_optimisation.hpp>
 #include <apso/tracker/solvers/ransac_pose.hpp>
 #include <apso/tracker/solvers/windowed_adjustment.hpp>

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <type_traits>
 #include <vector>
 
 #include <apso/config.hpp>
@@ -21,14 +22,15 @@ class PartedTrajectory {
   void add(double timestamp, const PoseT& T_world_camera, int part) {
     poses_.push_back({{timestamp, to_pose(T_world_camera)}, part});
   }
-  /// Moves the poses of a part that was joined with another one.
+  /// Moves the poses of a part that was joined with another one, or in which a loop was closed.
   /// \param change of LandmarkTracker::reconnect(), or alike
   template <class Change>
   void follow(const Change& change) {
-    if (!change.joined()) return;
+    using PoseT = std::decay_t<decltype(change.T_part_before)>;
+    if (!change.moves_poses()) return;
     for (Entry& e : poses_) {
       if (e.part != change.before) continue;
-      e.pose.T_world_body = compose(to_pose(change.T_part_before), e.pose.T_world_body);
+      e.pose.T_world_body = to_pose(change.moved(e.pose.timestamp, from_pose<PoseT>(e.pose.T_world_body)));
       e.part = change.part;
     }
   }

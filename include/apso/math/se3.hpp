@@ -246,6 +246,20 @@ struct FloatPose {
 /// Nearest rotation: removes the drift that products of many poses gather.
 [[nodiscard]] APSO_NOINLINE inline Pose normalized(const Pose& T) { return make_pose(rotation(unit(quaternion(T))), translation(T)); }
 
+/// Ad(T)^-1 = [R^T, -R^T [t]x; 0, R^T]: an increment from the left, Exp(e) T, as one from the right, T Exp(d).
+[[nodiscard]] inline Matrix6 adjoint_inverse(const Pose& T) {
+  const Eigen::Matrix3d R = rotation(T);
+  const Eigen::Matrix3d B = transposed_times(R, skew(translation(T)));
+  Matrix6 A = zeros<Matrix6>();
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      A(i, j) = A(3 + i, 3 + j) = R(j, i);
+      A(i, 3 + j) = -B(i, j);
+    }
+  }
+  return A;
+}
+
 /// Rotation angle of a motion [rad], in [0, pi].
 [[nodiscard]] APSO_NOINLINE inline double rotation_angle(const Pose& T) { return norm(so3_log(quaternion(T))); }
 

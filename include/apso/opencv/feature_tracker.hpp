@@ -79,7 +79,7 @@ class BasicFeatureTracker {
     core_.commit(T_world_camera, dynamic_probability, allow_keyframe);
   }
 
-  /// For programs that can deal with a map of several parts; see BasicLandmarkTracker::reconnect().
+  /// For programs that can deal with a map that moves and has several parts; see BasicLandmarkTracker::reconnect().
   BasicPartChange<PoseT> reconnect() { return core_.reconnect(); }
 
   /// Where the camera is expected: by constant velocity after begin, refined by the tracks after estimate.

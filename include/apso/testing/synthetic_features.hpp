@@ -29,8 +29,9 @@ class SyntheticFeatures {
  public:
   /// \param spacing one point in each square of this size [px]
   /// \param noise   largest error of a position in u and in v [px]
-  explicit SyntheticFeatures(const Pinhole& camera, int spacing = 20, double noise = 0.5, std::uint32_t seed = 1)
-      : camera_(camera), spacing_(spacing), noise_(noise), random_(seed) {}
+  /// \param remember points that are out of view are found again when they come back, as new tracks; else they are new points then
+  explicit SyntheticFeatures(const Pinhole& camera, int spacing = 20, double noise = 0.5, std::uint32_t seed = 1, bool remember = false)
+      : camera_(camera), spacing_(spacing), noise_(noise), random_(seed), remember_(remember) {}
 
   /// The features of the next frame. Uses its depth and its true pose.
   void find(const SyntheticFrame& frame) {
@@ -40,17 +41,15 @@ class SyntheticFeatures {
     taken_.assign(static_cast<std::size_t>(columns() * rows()), 0);
     const Pose T_camera_world = inverse(frame.T_world_camera);
     std::size_t kept = 0;
-    for (const Point& point : points_) {
-      const Eigen::Vector3d p = transform(T_camera_world, point.world);
-      if (p.z() < 0.3) continue;
-      const Eigen::Vector2d uv = camera_.project(p);
-      if (!camera_.contains(uv.x(), uv.y(), 2)) continue;
-      const double z = frame.depth(static_cast<int>(std::lround(uv.x())), static_cast<int>(std::lround(uv.y())));
-      if (!(std::abs(z - p.z()) < 0.03 * p.z())) continue;
-      char& taken = taken_[cell(uv.x(), uv.y())];
-      if (taken != 0) continue;
-      taken = 1;
-      points_[kept++] = seen_at(point, uv.x() + jitter(), uv.y() + jitter());
+    for (Point& point : points_) {
+      if (see(point, transform(T_camera_world, point.world), frame.depth)) {
+        add(point);
+      } else if (remember_) {
+        point.track.age = -1;
+      } else {
+        continue;
+      }
+      points_[kept++] = point;
     }
     points_.resize(kept, Point{});
     begin_points(frame);
@@ -74,15 +73,25 @@ class SyntheticFeatures {
   }
   [[nodiscard]] double jitter() { return noise_ * (2.0 * (random_() >> 8U) / 16777216.0 - 1.0); }
 
-  Point seen_at(Point point, double u, double v) {
+  /// Moves the track of a point to where it is seen. \return false if it is not
+  bool see(Point& point, const Eigen::Vector3d& p, const Image<float>& depth) {
+    if (p.z() < 0.3) return false;
+    const Eigen::Vector2d uv = camera_.project(p);
+    if (!camera_.contains(uv.x(), uv.y(), 2)) return false;
+    const double z = depth(static_cast<int>(std::lround(uv.x())), static_cast<int>(std::lround(uv.y())));
+    if (!(std::abs(z - p.z()) < 0.03 * p.z())) return false;
+    char& taken = taken_[cell(uv.x(), uv.y())];
+    if (taken != 0) return false;
+    taken = 1;
     PointTrack& t = point.track;
-    t.previous_x = t.x;
-    t.previous_y = t.y;
-    t.x = static_cast<float>(u);
-    t.y = static_cast<float>(v);
+    const PointTrack before = t;
+    t.x = static_cast<float>(uv.x() + jitter());
+    t.y = static_cast<float>(uv.y() + jitter());
+    if (before.age < 0) t.id = next_id_++;
+    t.previous_x = before.age < 0 ? t.x : before.x;
+    t.previous_y = before.age < 0 ? t.y : before.y;
     ++t.age;
-    add(point);
-    return point;
+    return true;
   }
   void add(const Point& point) {
     Keypoint k;
@@ -114,6 +123,7 @@ class SyntheticFeatures {
   int spacing_;
   double noise_;
   LinearCongruential random_;
+  bool remember_;
   std::vector<Point> points_;
   std::vector<char> taken_;
   std::vector<Keypoint> keypoints_;

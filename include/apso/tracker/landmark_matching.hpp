@@ -16,7 +16,7 @@
 #include <apso/status.hpp>
 #include <apso/tracker/descriptor_matching.hpp>
 #include <apso/tracker/features.hpp>
-#include <apso/tracker/local_map.hpp>
+#include <apso/tracker/map/local_map.hpp>
 #include <apso/tracker/solvers/pose_optimisation.hpp>
 #include <apso/types/keypoint.hpp>
 #include <apso/types/pinhole.hpp>
@@ -48,6 +48,9 @@ struct MapPose {
   bool relocalised = false;                ///< found by comparing with whole keyframes
 };
 
+/// Landmarks in common that make two keyframes neighbours.
+inline constexpr int kMinShared = 10;
+
 /// Finds the landmarks that the current image shows. The thresholds on distances of descriptors are those of ORB-SLAM
 /// (Mur-Artal et al., T-RO 2015), a little tighter where depth cannot help.
 class LandmarkMatcher {
@@ -61,17 +64,16 @@ class LandmarkMatcher {
     keyframes_.clear();
     for (int k = map.last_keyframe(); k >= map.first_keyframe() && static_cast<int>(keyframes_.size()) < window; --k)
       if (map.keyframe(k).alive) keyframes_.push_back(k);
-    shared_.assign(map.kept_keyframes(), 0);
-    for (int l : seen)
-      if (map.landmark(l).alive)
-        for (const LandmarkView& v : map.landmark(l).views) ++shared_[map.slot(v.keyframe)];
-    for (int k : keyframes_) shared_[map.slot(k)] = 0;
-    for (int i = 0; i < window; ++i) {
-      const auto most = std::max_element(shared_.begin(), shared_.end());
-      if (most == shared_.end() || *most < kMinShared) break;
-      keyframes_.push_back(map.first_keyframe() + static_cast<int>(most - shared_.begin()));
-      *most = 0;
-    }
+    add_sharing(map, seen, window, map.last_keyframe());
+    add_landmarks(map);
+  }
+
+  /// Chooses landmarks of one place alone: of keyframes that share landmarks with those given.
+  /// \param window how many keyframes at most
+  /// \param newest none later than this one
+  void collect_place(const LocalMap& map, const std::vector<int>& landmarks, int window, int newest) {
+    keyframes_.clear();
+    add_sharing(map, landmarks, window, newest);
     add_landmarks(map);
   }
 
@@ -212,6 +214,20 @@ class LandmarkMatcher {
   [[nodiscard]] const Octaves& octaves() const { return octaves_; }
 
  private:
+  /// Of the keyframes up to `newest`, those that share most with the landmarks given.
+  void add_sharing(const LocalMap& map, const std::vector<int>& landmarks, int window, int newest) {
+    shared_.assign(map.kept_keyframes(), 0);
+    for (int l : landmarks)
+      if (map.landmark(l).alive)
+        for (const LandmarkView& v : map.landmark(l).views) shared_[map.slot(v.keyframe)] += v.keyframe <= newest ? 1 : 0;
+    for (int k : keyframes_) shared_[map.slot(k)] = 0;
+    for (int i = 0; i < window; ++i) {
+      const auto most = std::max_element(shared_.begin(), shared_.end());
+      if (most == shared_.end() || *most < kMinShared) break;
+      keyframes_.push_back(map.first_keyframe() + static_cast<int>(most - shared_.begin()));
+      *most = 0;
+    }
+  }
   void add_landmarks(const LocalMap& map) {
     local_.clear();
     taken_landmarks_.begin(map.landmarks().size());
@@ -221,7 +237,6 @@ class LandmarkMatcher {
   }
 
   static constexpr std::size_t kUsual = 4096;       // room for so many landmarks of the local map from the beginning
-  static constexpr int kMinShared = 10;             // landmarks in common that make a keyframe local
   static constexpr std::size_t kMaxNearby = 5;      // keyframes that share nothing with what is seen
   static constexpr double kNearby = 0.5;            // [m]
   static constexpr double kSameView = 0.5;          // [rad]

@@ -1,6 +1,6 @@
 /// \file
 /// A small feature-based RGB-D tracker: keypoints with binary descriptors against a local map of landmarks, point tracks for
-/// the motion from frame to frame, windowed bundle adjustment at keyframes. No loop closure.
+/// the motion from frame to frame, windowed bundle adjustment at keyframes, loops closed on a pose graph of the keyframes.
 ///
 /// It gives the pipeline its T_feature. Keypoints, descriptors and tracks come from elsewhere; opencv/feature_tracker.hpp is
 /// the same tracker with ORB and Lucas-Kanade in front.
@@ -17,13 +17,14 @@
 #include <apso/options.hpp>
 #include <apso/status.hpp>
 #include <apso/tracker/features.hpp>
-#include <apso/tracker/keyframes.hpp>
 #include <apso/tracker/landmark_matching.hpp>
 #include <apso/tracker/landmark_tracker_options.hpp>
-#include <apso/tracker/local_map.hpp>
-#include <apso/tracker/map_parts.hpp>
-#include <apso/tracker/map_update.hpp>
-#include <apso/tracker/relocalisation.hpp>
+#include <apso/tracker/map/keyframes.hpp>
+#include <apso/tracker/map/local_map.hpp>
+#include <apso/tracker/map/loop_closing.hpp>
+#include <apso/tracker/map/map_parts.hpp>
+#include <apso/tracker/map/map_update.hpp>
+#include <apso/tracker/map/relocalisation.hpp>
 #include <apso/tracker/track_motion.hpp>
 #include <apso/traits/frame.hpp>
 #include <apso/traits/image.hpp>
@@ -100,15 +101,21 @@ class BasicLandmarkTracker {
     finish(T, allow_keyframe);
   }
 
-  /// For programs that can deal with a map of several parts, after each commit(): a camera that is lost for a second on good images
-  /// begins a new part, or finds an earlier one; a part that is recognised in an earlier one is joined with it. Where this is never
-  /// called the map has one part, and a lost camera waits until it recognises it.
-  /// \return what became of the part. If it was left, forget all poses (Pipeline::reset()); if it was joined, move them
+  /// For programs that can deal with a map that moves and has several parts, after each commit(): a camera that is lost for a second on
+  /// good images begins a new part, or finds an earlier one; a part that is recognised in an earlier one is joined with it; a loop whose
+  /// drift is seen is closed. Where this is never called the map has one part, and a lost camera waits until it recognises it.
+  /// \return what became of the part. If it was left, forget all poses (Pipeline::reset()); if its poses have moved, take them along
   ///         (Pipeline::correct()). PartedTrajectory keeps the poses of all parts
   BasicPartChange<PoseT> reconnect() {
     expects(!begun_, "LandmarkTracker::reconnect: call commit first");
-    MapParts::Frame frame{timestamp_, frame_number_, T_world_previous_, lost_, placed_};
-    const PartChange found = parts_.update(features_, whole_keyframes(), options_.max_keyframes, matcher_, map_, frame, seen_);
+    PlacedFrame frame{timestamp_, frame_number_, T_world_previous_, lost_, placed_};
+    PartChange found = parts_.update(features_, whole_keyframes(), options_.max_keyframes, matcher_, map_, frame, seen_);
+    if (found.event != PartEvent::None) {
+      loops_.forget();
+    } else {
+      found = loops_.update(features_, whole_keyframes(), matcher_, map_, frame, seen_);
+      found.part = found.before = parts_.current();
+    }
     if (found.event != PartEvent::None) T_world_previous_ = T_world_predicted_ = frame.T_world_camera;
     if (found.event == PartEvent::Left) {
       step_ = identity_pose();
@@ -192,14 +199,7 @@ class BasicLandmarkTracker {
   }
 
   [[nodiscard]] RelocalisationInput whole_keyframes() const {
-    RelocalisationInput input;
-    input.T_world_predicted = T_world_predicted_;
-    input.lost = misses_ > 0;
-    input.window = kWindowKeyframes;
-    input.min_inliers = kMinInliersRelocalised;
-    input.min_inliers_last = needed_inliers(false);
-    input.seed = frame_seed();
-    return input;
+    return {T_world_predicted_, misses_ > 0, kWindowKeyframes, kMinInliersRelocalised, needed_inliers(false), frame_seed()};
   }
 
   void search_near_prediction(MapPose& found) {
@@ -274,12 +274,8 @@ class BasicLandmarkTracker {
   /// \param from_map else the pose is known otherwise: the few pairs that there are, too few for a pose, must not move it
   /// \return the pose of the new keyframe after bundle adjustment
   Pose insert_keyframe(const Pose& T_world_camera, bool from_map) {
-    KeyframeInput input;
-    input.timestamp = timestamp_;
-    input.T_world_camera = T_world_camera;
-    input.frame_number = frame_number_;
-    input.landmark_depth = options_.landmark_depth;
-    input.max_sigma = 5 * options_.inverse_depth_sigma;  // more is an edge, and its depth may be of either side
+    const double max_sigma = 5 * options_.inverse_depth_sigma;  // more is an edge, and its depth may be of either side
+    const KeyframeInput input{timestamp_, T_world_camera, frame_number_, options_.landmark_depth, max_sigma};
     const int k = new_keyframe(camera_, features_, matcher_.matches(), input, map_);
     decision_.made();
     if (from_map) adjust_last_keyframes(camera_, matcher_.octaves(), kAdjustedKeyframes, map_, marks_, adjustment_);
@@ -297,6 +293,7 @@ class BasicLandmarkTracker {
   LandmarkTrackerOptions options_;
   LocalMap map_;  // the part that the camera is in
   MapParts parts_;
+  LoopClosing loops_;
   PassMarks marks_;
   AdjustmentBuffers adjustment_;
   LandmarkMatcher matcher_;

@@ -67,20 +67,6 @@ inline void add(PixelSums<double>& sum, const TileSums& tile, float factor) {
   std::memcpy(&sum, to, sizeof to);
 }
 
-/// Ad(T)^-1 = [R^T, -R^T [t]x; 0, R^T]: an increment from the left, Exp(e) T, as one from the right, T Exp(d).
-[[nodiscard]] inline Matrix6 adjoint_inverse(const Pose& T) {
-  const Eigen::Matrix3d R = rotation(T);
-  const Eigen::Matrix3d B = transposed_times(R, skew(translation(T)));
-  Matrix6 A = zeros<Matrix6>();
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      A(i, j) = A(3 + i, 3 + j) = R(j, i);
-      A(i, 3 + j) = -B(i, j);
-    }
-  }
-  return A;
-}
-
 /// The same equations for an increment from the left, in the frame T maps into: T <- Exp(e) T with e = Ad(T) d.
 [[nodiscard]] inline NormalEquations moved_to_left(const NormalEquations& n, const Pose& T) {
   const Matrix6 A = adjoint_inverse(T);

@@ -1,12 +1,10 @@
 /// \file
 /// A map in several parts: a camera that is lost for good begins a new one, and two are joined when a place is recognised.
 ///
-/// ORB-SLAM3 calls it an atlas (Campos et al., T-RO 2021). Here a place counts as recognised when two frames find it where the
-/// other one says: a part that grew on something that moves does not fit twice.
+/// ORB-SLAM3 calls it an atlas (Campos et al., T-RO 2021).
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <optional>
 #include <utility>
@@ -16,49 +14,16 @@
 #include <apso/math/se3.hpp>
 #include <apso/tracker/features.hpp>
 #include <apso/tracker/landmark_matching.hpp>
-#include <apso/tracker/local_map.hpp>
-#include <apso/tracker/relocalisation.hpp>
-#include <apso/traits/pose.hpp>
+#include <apso/tracker/map/local_map.hpp>
+#include <apso/tracker/map/part_change.hpp>
+#include <apso/tracker/map/place_recognition.hpp>
+#include <apso/tracker/map/relocalisation.hpp>
 
 APSO_NAMESPACE_BEGIN
-
-/// What became of the part of the map that the poses lie in.
-enum class PartEvent {
-  None,
-  Left,    ///< the poses to come lie in another part, new or found again: no pose before says anything about them
-  Joined,  ///< it was recognised in an earlier one, and is now a piece of that
-};
-constexpr std::array<const char*, 3> enum_names(PartEvent) { return {"none", "left", "joined"}; }
-[[nodiscard]] constexpr const char* to_string(PartEvent e) { return enum_names(e)[static_cast<std::size_t>(e)]; }
-
-/// \tparam PoseT your pose type
-template <class PoseT = Pose>
-struct BasicPartChange {
-  PartEvent event = PartEvent::None;
-  int part = 0;                                             ///< that the poses to come lie in; the first is 0
-  int before = 0;                                           ///< that the poses up to now lie in
-  PoseT T_part_before = from_pose<PoseT>(identity_pose());  ///< Joined: takes the poses of `before` to `part`
-  [[nodiscard]] bool joined() const { return event == PartEvent::Joined; }
-};
-using PartChange = BasicPartChange<>;
-
-template <class PoseT>
-[[nodiscard]] BasicPartChange<PoseT> in_type(const PartChange& c) {
-  return {c.event, c.part, c.before, from_pose<PoseT>(c.T_part_before)};
-}
 
 /// The parts of a map that the camera is not in, and when it goes from one to another.
 class MapParts {
  public:
-  /// What a frame that is done tells.
-  struct Frame {
-    double timestamp = 0;  ///< [s]
-    int number = 0;
-    Pose T_world_camera = identity_pose();  ///< in the part that the camera is in
-    bool lost = false;                      ///< nothing tells where it is
-    bool placed = false;                    ///< the map and the assessment tell where it is
-  };
-
   /// The part that the camera is in.
   [[nodiscard]] int current() const { return current_; }
 
@@ -69,7 +34,7 @@ class MapParts {
   /// \param[in,out] frame the pose becomes the one in the part that it is in afterwards
   /// \param[in,out] seen landmarks that the frame shows
   PartChange update(const WeightedFeatures& features, RelocalisationInput input, int max_keyframes, LandmarkMatcher& matcher, LocalMap& map,
-                    Frame& frame, std::vector<int>& seen) {
+                    PlacedFrame& frame, std::vector<int>& seen) {
     PartChange change;
     change.part = change.before = current_;
     if (!frame.lost || features.with_depth < kEnoughFeatures) lost_since_ = frame.timestamp;
@@ -85,7 +50,7 @@ class MapParts {
       begin(map);
       seen.clear();
       change.event = PartEvent::Left;
-    } else if (place && confirmed(*place, frame)) {
+    } else if (place && second_look_.agrees(others_[place->index].number, place->T_part_camera, frame)) {
       change.T_part_before = compose(place->T_part_camera, inverse(frame.T_world_camera));
       join(place->index, change.T_part_before, map);
       seen.swap(seen_there_);
@@ -102,10 +67,6 @@ class MapParts {
   static constexpr int kEnoughFeatures = 200;  // static and with depth: an image that a map can begin with
   static constexpr int kRecogniseEvery = 5;    // frames, while the camera is not lost: it costs as much as the frame
   static constexpr int kSmallest = 3;          // keyframes: less is no place to be found again
-  static constexpr double kSameSpot = 0.06;    // of two frames that confirm each other [m]
-  static constexpr double kSameView = 0.07;    // [rad]
-  static constexpr double kApart = 0.3;        // between them [s]
-  static constexpr double kRemembered = 10.0;  // [s]
 
   struct Part {
     int number = 0;
@@ -115,11 +76,6 @@ class MapParts {
   struct Place {
     std::size_t index = 0;
     Pose T_part_camera = identity_pose();
-  };
-  struct Candidate {
-    int part = 0;
-    double timestamp = 0;
-    Pose T_part_current = identity_pose();
   };
 
   [[nodiscard]] std::optional<Place> recognise(const WeightedFeatures& features, const RelocalisationInput& input,
@@ -131,28 +87,14 @@ class MapParts {
     return std::nullopt;
   }
 
-  /// Whether a place was found twice at the same spot of the current part.
-  [[nodiscard]] bool confirmed(const Place& place, const Frame& frame) {
-    const int number = others_[place.index].number;
-    const bool known = candidate_ && candidate_->part == number && frame.timestamp - candidate_->timestamp < kRemembered;
-    if (known && frame.timestamp - candidate_->timestamp < kApart) return false;
-    bool agrees = false;
-    if (known) {
-      const Pose off = compose(inverse(compose(candidate_->T_part_current, frame.T_world_camera)), place.T_part_camera);
-      agrees = norm(translation(off)) < kSameSpot && rotation_angle(off) < kSameView;
-    }
-    candidate_ = Candidate{number, frame.timestamp, compose(place.T_part_camera, inverse(frame.T_world_camera))};
-    return agrees;
-  }
-
   [[nodiscard]] Part taken(std::size_t index) {
     Part part = std::move(others_[index]);
     others_.erase(others_.begin() + static_cast<std::ptrdiff_t>(index));
-    candidate_.reset();
+    second_look_.forget();
     return part;
   }
   void put_away(LocalMap& map) {
-    candidate_.reset();
+    second_look_.forget();
     if (map.living_keyframes() >= kSmallest || others_.empty()) others_.push_back({current_, std::move(map)});
   }
   void begin(LocalMap& map) {
@@ -187,7 +129,7 @@ class MapParts {
   int current_ = 0;
   int last_ = 0;
   std::vector<Part> others_;
-  std::optional<Candidate> candidate_;
+  SecondLook second_look_;
   std::vector<int> seen_there_;  // landmarks of the place recognised
   double lost_since_ = 0;        // and ever since on images that a map can begin with
 };

@@ -12,7 +12,7 @@
 #include <apso/math/se3.hpp>
 #include <apso/tracker/features.hpp>
 #include <apso/tracker/landmark_matching.hpp>
-#include <apso/tracker/local_map.hpp>
+#include <apso/tracker/map/local_map.hpp>
 
 APSO_NAMESPACE_BEGIN
 

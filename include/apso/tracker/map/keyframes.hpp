@@ -11,7 +11,7 @@
 #include <apso/status.hpp>
 #include <apso/tracker/features.hpp>
 #include <apso/tracker/landmark_matching.hpp>
-#include <apso/tracker/local_map.hpp>
+#include <apso/tracker/map/local_map.hpp>
 #include <apso/tracker/solvers/windowed_adjustment.hpp>
 #include <apso/types/pinhole.hpp>
 

@@ -188,6 +188,21 @@ class LocalMap {
     living_keyframes_ += other.living_keyframes_;
   }
 
+  /// Moves keyframes, and with each of them the landmarks that it saw first.
+  /// \param T_world_camera of each keyframe kept, by slot(); of those that are not alive any
+  void correct(const std::vector<Pose>& T_world_camera) {
+    std::vector<Pose> T_now_before;
+    for (std::size_t i = 0; i < keyframes_.size(); ++i)
+      T_now_before.push_back(compose(T_world_camera[i], inverse(keyframes_[i].T_world_camera)));
+    for (MapLandmark& l : landmarks_) {
+      if (!l.alive) continue;
+      const Pose& T = T_now_before[slot(l.views.front().keyframe)];
+      l.point = transform(T, l.point);
+      l.direction = transform(T, l.direction) - translation(T);
+    }
+    for (std::size_t i = 0; i < keyframes_.size(); ++i) keyframes_[i].T_world_camera = T_world_camera[i];
+  }
+
   /// Descriptor, viewing direction and scale from the views.
   void refresh(int landmark_index, const Octaves& octaves) {
     MapLandmark& l = landmark(landmark_index);
