@@ -109,7 +109,8 @@ Run::Run(const Arguments& a, std::string command)
   cv::setNumThreads(std::max(1, a_.threads - 1));
   pipeline_.emplace(source_->camera(), std::move(motion), options_.pipeline);
   tracker_.emplace(source_->camera(), options_.tracker);
-  frames_.emplace(*source_, options_.tracker, total_, a_.threads > 1);
+  const std::string kept = a_.keep_frames.empty() ? std::string() : a_.keep_frames + track::kept_features_suffix;
+  frames_.emplace(*source_, options_.tracker, total_, a_.threads > 1, kept);
   writer_.emplace(a_.threads > 1);
   std::vector<track::Input> inputs = a_.inputs();
   for (const std::string& folder : source_->folders()) inputs.push_back({"images of the recording", folder});

@@ -7,11 +7,15 @@
 #include <cstdio>
 #include <future>
 #include <limits>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <apso/opencv/feature_front_end.hpp>
 #include <apso/opencv/feature_tracker.hpp>
 
 #include "frame_source.hpp"
+#include "kept_features.hpp"
 #include "output.hpp"
 
 namespace track {
@@ -21,7 +25,7 @@ struct ReadyFrame {
   LoadedFrame images;
   apso::opencv::ImageFeatures features;  ///< none if the frame is broken
   double load_ms = 0;                    ///< time that it took to load the frame
-  double features_ms = 0;                ///< ... and to find its features
+  double features_ms = 0;                ///< ... and to find its features; of the run that found them if they were kept
 };
 
 /// Loading and finding features need neither poses nor masks, so they may run ahead; with or without a thread the frames are
@@ -30,8 +34,11 @@ class FrameAhead {
  public:
   /// \param frames that are going to be asked for, from 0 on
   /// \param thread false: everything is done by whoever asks
-  FrameAhead(FrameSource& source, const apso::opencv::FeatureTrackerOptions& options, int frames, bool thread)
-      : source_(&source), front_end_(options.orb, options.lk), frames_(frames), thread_(thread) {}
+  /// \param kept file for the features, which other runs may use; empty: none
+  FrameAhead(FrameSource& source, const apso::opencv::FeatureTrackerOptions& options, int frames, bool thread, const std::string& kept = {})
+      : source_(&source), front_end_(options.orb, options.lk), frames_(frames), thread_(thread) {
+    if (!kept.empty()) kept_.emplace(kept, options);
+  }
 
   /// The next frame; it lives until the next call. What loading throws is thrown here.
   const ReadyFrame& next() {
@@ -62,8 +69,26 @@ class FrameAhead {
     }
     if (!out.images.ok()) return;
     latest_ = stamp;
+    if (kept_) {
+      kept_->see(out.images.gray);
+      if (kept_->read(i, out.features, out.features_ms)) {
+        taken_.push_back(i);
+        return;
+      }
+      go_through_taken();
+      watch.lap();
+    }
     front_end_.extract(out.images.gray, out.features);
     out.features_ms = watch.lap();
+    if (kept_) kept_->write(i, out.features, out.features_ms);
+  }
+  /// Tracks come from the images before: those that the front end has not seen, as their features were kept, are gone through.
+  void go_through_taken() {
+    for (const int i : taken_) {
+      source_->load(i, again_.images);
+      front_end_.extract(again_.images.gray, again_.features);
+    }
+    taken_.clear();
   }
 
   FrameSource* source_;
@@ -74,6 +99,9 @@ class FrameAhead {
   double latest_ = -std::numeric_limits<double>::infinity();  // stamp of a frame that was loaded
   std::size_t current_ = 0;
   std::array<ReadyFrame, 2> frame_;
+  std::optional<KeptFeatures> kept_;
+  std::vector<int> taken_;  // frames whose features were kept, since the last one that was not
+  ReadyFrame again_;
   std::future<void> ahead_;  // last: its thread ends before what it uses
 };
 

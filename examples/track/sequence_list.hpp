@@ -29,6 +29,7 @@
 #include <apso/io/tum_text.hpp>
 
 #include "command_line.hpp"
+#include "kept_file.hpp"
 
 namespace track {
 
@@ -109,8 +110,8 @@ inline bool complete(const std::filesystem::path& folder) {
   return summary.is_object() && !summary.contains("failure");
 }
 
-/// Runs in the order in which workers take them. Runs on one synthetic sequence share a file of rendered frames: one of them renders,
-/// and while it does the others are put off as long as something else can be done. The file is removed with the last of its runs.
+/// Runs in the order in which workers take them. Runs on one synthetic sequence share files of rendered frames and of features: one of them
+/// makes these, and while it does the others are put off as long as something else can be done. They are removed with the last of its runs.
 /// One worker at a time may call a member.
 class RunQueue {
  public:
@@ -162,6 +163,7 @@ class RunQueue {
     if (--file->second.left > 0) return;
     std::error_code failed;
     std::filesystem::remove(file->first, failed);
+    std::filesystem::remove(file->first.string() + kept_features_suffix, failed);
   }
 
  private:

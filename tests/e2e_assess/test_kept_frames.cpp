@@ -81,9 +81,29 @@ TEST_CASE("frames that another run has rendered are taken from its file, and the
     file << std::string(frame, '\0');
   }
   fs::resize_file(f.path / "kept", 16 + 9 * frame + 12345);
+  // and of the features those of frame 5: tracks of the frames after it come from images whose features were kept
+  const std::string features = bytes(f.path / "kept.features");
+  const std::size_t place = (features.size() - 16) / 14;
+  REQUIRE(features.size() == 16 + 14 * place);
+  CHECK(place > 1000 * 32);
+  {
+    std::fstream file(f.path / "kept.features", std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(static_cast<std::streamoff>(16 + 5 * place + 3000));
+    file << "broken";
+  }
   track("--true-masks " + keep, "mends");
   check_same_results(f.path / "alone", f.path / "mends");
   CHECK(bytes(f.path / "kept") == first);
+  track("--true-masks " + keep, "mended");
+  check_same_results(f.path / "alone", f.path / "mended");
+
+  // other settings of the features find others
+  std::ofstream(f.path / "fewer.yaml") << "tracker:\n  orb:\n    features: 600\n";
+  const std::string fewer = "--true-masks --config " + (f.path / "fewer.yaml").string() + " ";
+  track(fewer, "fewer_alone");
+  track(fewer + keep, "fewer");
+  check_same_results(f.path / "fewer_alone", f.path / "fewer");
+  CHECK(bytes(f.path / "fewer" / "trajectory.txt") != bytes(f.path / "alone" / "trajectory.txt"));
 
   // frames of another recording are not taken
   const std::string other = "--people 1 ";

@@ -50,9 +50,9 @@ class LkTracker {
       from_.clear();
       for (const PointTrack& t : tracks_) from_.emplace_back(t.x, t.y);
       const cv::TermCriteria stop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 20, 0.03);
-      cv::calcOpticalFlowPyrLK(previous_pyramid_, pyramid_, from_, to_, ok_, error_, window, kLevels, stop);
+      cv::calcOpticalFlowPyrLK(previous_pyramid_, pyramid_, from_, to_, ok_, cv::noArray(), window, kLevels, stop);
       back_ = from_;
-      cv::calcOpticalFlowPyrLK(pyramid_, previous_pyramid_, to_, back_, ok_back_, error_, window, kLevels, stop,
+      cv::calcOpticalFlowPyrLK(pyramid_, previous_pyramid_, to_, back_, ok_back_, cv::noArray(), window, kLevels, stop,
                                cv::OPTFLOW_USE_INITIAL_FLOW);
       const double limit2 = kRoundTrip * kRoundTrip;
       for (std::size_t i = 0; i < tracks_.size(); ++i) {
@@ -107,7 +107,6 @@ class LkTracker {
   std::vector<cv::Point2f> back_;
   std::vector<uchar> ok_;
   std::vector<uchar> ok_back_;
-  std::vector<float> error_;
   std::vector<char> occupied_;
   std::vector<std::size_t> order_;
 };
