@@ -38,6 +38,10 @@ class Host {
       frame_.depth = Image<float>(320, 240, 0.F);
       frame_.intensity = Image<float>(320, 240, 0.5F);
     }
+    if (bare_wall) {
+      frame_.depth = Image<float>(320, 240, 2.F);
+      frame_.intensity = Image<float>(320, 240, 0.5F);
+    }
     const Pose T_true = truth(i);
     keypoints_.clear();
     for (int y = 5; y < 240; y += 10) {
@@ -56,7 +60,8 @@ class Host {
   /// The map of the host is turned and shifted as a whole, as when maps are joined.
   void move_map(const Pose& T) { T_map_ = T * T_map_; }
   Pipeline& pipeline() { return pipeline_; }
-  bool blank = false;  ///< the frames show nothing from now on
+  bool blank = false;      ///< the frames show nothing from now on
+  bool bare_wall = false;  ///< ... or a wall without any texture, along which the camera may be anywhere
 
  private:
   testing::SyntheticSequence sequence_;
@@ -302,6 +307,24 @@ TEST_CASE(
   const FrameReport& near = host.step(i, Pose::Identity(), true, 0.0F, &T_right);
   CHECK(near.state == SceneState::Bad);
   CHECK(near.source == PoseSource::Features);
+}
+
+TEST_CASE("an alignment that leaves open where a feature pose lies does not confirm it") {
+  PipelineOptions o = quick_start();
+  o.refiner.velocity_gate = 0.001;  // no direct pose is believed
+  Host host("static_static", 0, o);
+  host.bare_wall = true;
+  int i = 0;
+  for (; i < 12; ++i) host.step(i);
+  Pose T_wrong = host.truth(i);
+  T_wrong = compose(T_wrong, make_pose(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.2, 0, 0)));  // along the wall
+  const FrameReport& r = host.step(i, Pose::Identity(), true, 0.0F, &T_wrong);
+  REQUIRE(r.state == SceneState::Bad);
+  REQUIRE(r.refinement.status == Status::Degenerate);
+  REQUIRE_FALSE(r.refined);
+  CHECK((inverse(T_wrong) * r.refinement.T_world_direct).translation().norm() < 0.05);  // it has stayed where it began
+  CHECK(r.source == PoseSource::Prediction);
+  CHECK((inverse(host.truth(i)) * r.T_world_camera).translation().norm() < 1e-9);
 }
 
 TEST_CASE("a camera that is found again far from where it was lost is believed once a second pose goes on from the first") {

@@ -145,7 +145,9 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     }
     input.feature_information = feature_information_;
     report_.refinement = refiner_.refine(input, executor);
-    confirmed = feature_ok_ && succeeded(report_.refinement.status) && near_feature(report_.refinement.T_world_direct);
+    // An open direction keeps the pose that the alignment began at, so that it confirms nothing.
+    const Status status = report_.refinement.status;
+    confirmed = feature_ok_ && succeeded(status) && status != Status::Degenerate && near_feature(report_.refinement.T_world_direct);
     report_.refined = report_.refinement.refined;
     if (report_.refined) {
       T_world_camera = report_.refinement.T_world_camera;
