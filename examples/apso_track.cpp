@@ -260,6 +260,7 @@ void Run::tell(const json& summary) const {
   if (const std::size_t parts = summary["parts"]["connected"].size(); parts > 1) {
     std::printf("the map has %zu parts that are not connected; trajectory.txt is of the largest\n", parts);
   }
+  if (const int loops = record_.loops(); loops > 0) std::printf("loops closed: %d\n", loops);
   if (!a_.masks.empty()) {
     const std::vector<std::string>& problems = record_.use.problems;
     std::printf("masks: %d of %zu frames have one that fits, %zu do not fit%s\n", record_.use.masks, frames, problems.size(),

@@ -69,6 +69,9 @@ struct Record {
   [[nodiscard]] int predicted() const {
     return count([](const apso::FrameReport& r) { return r.source == apso::PoseSource::Prediction && r.state != apso::SceneState::Lost; });
   }
+  [[nodiscard]] int loops() const {
+    return static_cast<int>(std::count_if(changes.begin(), changes.end(), [](const Change& c) { return c.change.closed(); }));
+  }
   [[nodiscard]] int in_state(apso::SceneState state) const {
     return count([state](const apso::FrameReport& r) { return r.state == state; });
   }

@@ -115,6 +115,7 @@ TEST_CASE("a loop moves the poses of the way round, and the report tells of it")
   const nlohmann::json& changes = summary["parts"]["changes"];
   REQUIRE(changes.size() == 1);
   CHECK(changes[0]["event"] == "closed");
+  CHECK(o.text.find("loops closed: 1") != std::string::npos);
   CHECK(changes[0]["from"] == 0);
   CHECK(changes[0]["to"] == 0);
   CHECK(summary["frames"]["with_pose"] == kFrames / kEvery);

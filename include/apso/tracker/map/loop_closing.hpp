@@ -1,6 +1,6 @@
 /// \file
-/// Loops: a camera that comes back to a place of its map, farther off than the drift is small, is recognised there, and the drift of the
-/// way round is spread over the keyframes that were made on it.
+/// Loops: a camera that comes back to a place of its map with more drift than matching bears is recognised there, and the drift of the way
+/// round is spread over the keyframes that were made on it.
 ///
 /// Strasdat et al. (Double window optimisation, ICCV 2011) and ORB-SLAM (Mur-Artal et al., T-RO 2015) do so on a graph of the keyframes
 /// that share landmarks, as is done here. A drift that is smaller than the search around a projection needs none of this: the old
@@ -25,7 +25,7 @@
 
 APSO_NAMESPACE_BEGIN
 
-/// Moves keyframes and their landmarks so that one stands where a loop says, and another one stays; what is between them takes its share.
+/// Moves keyframes and their landmarks: the last one to where a loop says, one stays, and those between take their share.
 /// \param place              keyframe that stays
 /// \param T_world_last       where the last keyframe stands
 /// \param[in,out] map        unchanged when the graph has no solution
@@ -71,7 +71,7 @@ inline Status close_loop(int place, const Pose& T_world_last, LocalMap& map, std
   return status;
 }
 
-/// Looks for places of the part of the map that the camera is in, to which it has come back without being told so by landmarks.
+/// Looks for places of the map to which the camera has come back although no landmark that it sees says so.
 class LoopClosing {
  public:
   /// \param features those of the frame, as weighed at its end
@@ -122,7 +122,7 @@ class LoopClosing {
   static constexpr std::size_t kNearest = 4;   // keyframes that are looked at in turn
   static constexpr double kReach = 2.0;        // a keyframe farther off is no place that the camera may be at [m]
   static constexpr double kReachAngle = 0.8;   // [rad]
-  static constexpr double kSmall = 0.03;       // a drift that is none [m]
+  static constexpr double kSmall = 0.03;       // a smaller drift needs no loop [m]
   static constexpr double kSmallAngle = 0.03;  // [rad]
   static constexpr double kDrift = 0.1;        // of the way: more is a place that only looks alike
   static constexpr double kRest = 2.0;         // after a loop, and where there is none to close [s]

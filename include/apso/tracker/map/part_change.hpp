@@ -51,11 +51,11 @@ struct BasicPartChange {
     if (corrections.empty()) return T_world_camera;
     const auto earlier = [](double t, const BasicCorrection<PoseT>& c) { return t < c.timestamp; };
     const auto next = std::upper_bound(corrections.begin(), corrections.end(), timestamp, earlier);
-    const auto& after = next == corrections.end() ? corrections.back() : *next;
-    const auto& before_it = next == corrections.begin() ? corrections.front() : *(next - 1);
-    const double interval = after.timestamp - before_it.timestamp;
-    const double share = interval > 0 ? (timestamp - before_it.timestamp) / interval : 0.0;
-    return from_pose<PoseT>(compose(sclerp(to_pose(before_it.T_now_before), to_pose(after.T_now_before), share), to_pose(T_world_camera)));
+    const auto& last = next == corrections.begin() ? corrections.front() : *(next - 1);
+    const auto& following = next == corrections.end() ? corrections.back() : *next;
+    const double interval = following.timestamp - last.timestamp;
+    const double share = interval > 0 ? (timestamp - last.timestamp) / interval : 0.0;
+    return from_pose<PoseT>(compose(sclerp(to_pose(last.T_now_before), to_pose(following.T_now_before), share), to_pose(T_world_camera)));
   }
 };
 using PartChange = BasicPartChange<>;
