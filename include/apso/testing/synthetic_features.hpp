@@ -85,8 +85,8 @@ class SyntheticFeatures {
     taken = 1;
     PointTrack& t = point.track;
     const PointTrack before = t;
-    t.x = static_cast<float>(uv.x() + jitter());
     t.y = static_cast<float>(uv.y() + jitter());
+    t.x = static_cast<float>(uv.x() + jitter());
     if (before.age < 0) t.id = next_id_++;
     t.previous_x = before.age < 0 ? t.x : before.x;
     t.previous_y = before.age < 0 ? t.y : before.y;
