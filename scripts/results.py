@@ -348,7 +348,7 @@ def page(results, known, spec, args, stamp):
             "- **AUC**: area under the ROC curve of 1 - S_final for frames in which the feature tracker fails (lost, or an error from frame to "
             "frame above three times the median of the run), all runs together; left out below ten failures.",
             f"- **ms**: median time of a frame by the clock, without loading, one thread, {args.jobs} runs at a time on {os.cpu_count()} cores"
-            f"{busy(stamp)}",
+            f"{busy(stamp)} The variants of a synthetic recording share the features, and each counts the time of the run that found them.",
             "- ±: half of the 95 % interval of the mean (Student). Runs of a synthetic recording differ by the seed of room, people, path and "
             "noise. Those of a real one differ in the number of features (1000, 990, 1010, 980, 1020), which no result should depend on: their "
             "interval says how far chance in the program goes, and nothing about other recordings.", ""]

@@ -176,9 +176,9 @@ inline void declare_options(CLI::App& app, Arguments& a) {
   app.add_flag("--true-masks", a.true_masks, "synthetic sequences: use the true masks")->excludes("--masks");
   app.add_option("--keep-frames", a.keep_frames,
                  "synthetic sequences: keep the rendered frames in this file and their features in FILE.features, and take\n"
-                 "from them what another run on the same sequence has kept: the larger part of a run's time. A frame of\n"
-                 "640x480 has 2.5 MB, 300 frames have 770 MB; 1 GB of the disk stays free. The results do not depend on it;\n"
-                 "features that were kept count with the time of the run that found them")
+                 "from them what another run on the same sequence has kept. A frame of 640x480 has 2.5 MB, 300 frames have\n"
+                 "760 MB; 1 GB of the disk stays free. The results do not depend on it; features that were kept count with\n"
+                 "the time of the run that found them")
       ->check(not_empty());
   app.add_flag_callback(
       "--list-options",

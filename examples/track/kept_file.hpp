@@ -55,7 +55,6 @@ class KeptFile {
 
   /// The bytes of the frame that was read, or is to be written.
   [[nodiscard]] unsigned char* bytes() { return buffer_.data() + sizeof(std::uint64_t); }
-  [[nodiscard]] std::size_t size() const { return buffer_.size() - sizeof(std::uint64_t); }
 
   /// \param also what the bytes of this frame depend on besides
   /// \return false: they are not there
@@ -98,7 +97,8 @@ class KeptFile {
            std::to_string(std::filesystem::file_size(self, unknown));
   }
   [[nodiscard]] std::uint64_t sum_of_bytes(int i, std::uint64_t also) const {
-    return checksum((key_ ^ also) + static_cast<std::uint64_t>(i) + 1, buffer_.data() + sizeof(std::uint64_t), size());
+    return checksum((key_ ^ also) + static_cast<std::uint64_t>(i) + 1, buffer_.data() + sizeof(std::uint64_t),
+                    buffer_.size() - sizeof(std::uint64_t));
   }
   [[nodiscard]] off_t place(int i) const { return static_cast<off_t>(magic.size() + static_cast<std::size_t>(i) * buffer_.size()); }
   /// The file begins as such a file does, or it is new.

@@ -143,8 +143,8 @@ class RunQueue {
     left_.erase(chosen);
     return job;
   }
-  /// Arguments of apso_track for the frames of a run that starts now: none if nobody else would use them.
-  [[nodiscard]] std::vector<std::string> arguments(const Job& job) {
+  /// A run starts. \return arguments of apso_track for its frames: none if nobody else would use them
+  [[nodiscard]] std::vector<std::string> begin(const Job& job) {
     const auto file = files_.find(job.kept_frames);
     if (file == files_.end() || (file->second.to_make < 2 && !std::filesystem::exists(file->first))) return {};
     file->second.rendering = !file->second.rendered;
@@ -197,7 +197,7 @@ inline std::vector<std::string> run_jobs(const std::vector<Job>& jobs, int worke
         command.insert(command.end(), job->arguments.begin(), job->arguments.end());
         // Each worker has one thread, so that times are those of a thread, unless the sequence says otherwise.
         if (std::count(command.begin(), command.end(), "--threads") == 0) command.insert(command.end(), {"--threads", "1"});
-        const std::vector<std::string> kept = queue.arguments(*job);
+        const std::vector<std::string> kept = queue.begin(*job);
         command.insert(command.end(), kept.begin(), kept.end());
         command.insert(command.end(), {"--quiet", "--output", job->folder.string()});
         guard.unlock();

@@ -11,6 +11,7 @@
 #include <apso/track.hpp>
 
 #include "../foreign_types.hpp"
+#include "room_camera.hpp"
 
 using namespace apso;
 
@@ -235,16 +236,7 @@ TEST_CASE("a map that takes over another one has all of both, and everybody stil
   LandmarkTrackerOptions options;
   options.keyframe_interval = 0.03;
   LandmarkTracker first(room.camera(), options), second(room.camera(), options);
-  const auto track = [&](LandmarkTracker& tracker, int i) {
-    room.render(i, image);
-    found.find(image);
-    tracker.begin(image.rgbd(), found.keypoints(), found.descriptors(), none);
-    const FeatureResult pose = tracker.estimate();
-    REQUIRE(pose.ok);
-    tracker.commit(pose.T_world_camera, none, true);
-  };
-  for (int i = 0; i < 4; ++i) track(first, i);
-  for (int i = 4; i < 9; ++i) track(second, i);
+  for (int i = 0; i < 9; ++i) track_frame(i, room, found, image, i < 4 ? first : second);
   LocalMap map = first.map();
   LocalMap other = second.map();
   other.kill(3);  // numbers that are free, and keyframes that are gone, in both

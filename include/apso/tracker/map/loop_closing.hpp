@@ -90,9 +90,10 @@ class LoopClosing {
     const int newest = map.last_keyframe() - input.window;
     const auto gather = [&](const std::vector<int>& landmarks) { matcher.collect_place(map, landmarks, input.window, newest); };
     MapPose found;
-    ++turn_;
-    if (!recognise_keyframe(map, features, input, place, matcher, gather, seen_there_, found)) return change;
-    --turn_;  // the next look is at the same place
+    if (!recognise_keyframe(map, features, input, place, matcher, gather, seen_there_, found)) {
+      ++turn_;
+      return change;
+    }
     const Pose T_now_before = compose(found.T_world_camera, inverse(frame.T_world_camera));
     const Pose off = compose(inverse(frame.T_world_camera), found.T_world_camera);
     const double metres = norm(translation(off));
@@ -182,7 +183,7 @@ class LoopClosing {
   }
 
   SecondLook second_look_;
-  std::size_t turn_ = 0;
+  std::size_t turn_ = 0;  // looks that found nothing; after one that did the next is at the same place
   double rest_until_ = 0;
   PassMarks marks_;
   std::vector<char> linked_;

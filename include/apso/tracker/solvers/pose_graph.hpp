@@ -34,7 +34,7 @@ struct PoseGraph {
 }
 
 /// Its derivative by an increment of T_world_to from the left; that by one of T_world_from is the negative. The inverse of the right
-/// Jacobian of SE(3) is its series up to the second order, I + ad(e)/2 + ad(e)^2/12: with e = 0.3 it is exact to 1e-5.
+/// Jacobian of SE(3) is its series up to the second order, I + ad(e)/2 + ad(e)^2/12; the next term is -ad(e)^4/720.
 [[nodiscard]] inline Matrix6 edge_jacobian(const Twist& residual, const Pose& T_world_to) {
   const Eigen::Matrix3d V = skew({residual(0), residual(1), residual(2)});
   const Eigen::Matrix3d W = skew({residual(3), residual(4), residual(5)});
