@@ -102,7 +102,7 @@ std::vector<PlannedRun> plan(const Arguments& a, const std::vector<track::Varian
         const fs::path file = write_settings(a, chosen[v], s.synthetic() ? 0 : r);
         PlannedRun run{v, q, {}, s.camera_truth};
         run.job.arguments = s.synthetic() && repeats > 1 ? with_seed(s.arguments, r) : s.arguments;
-        run.job.arguments.insert(run.job.arguments.end(), {"--config", file.string()});
+        run.job.arguments.insert(run.job.arguments.end(), {"--config", file.string(), "--no-pictures"});
         if (chosen[v].true_masks) run.job.arguments.emplace_back("--true-masks");
         run.job.folder = fs::path(a.output) / chosen[v].name / (repeats > 1 ? s.name + "_r" + std::to_string(r) : s.name);
         if (s.synthetic()) run.job.kept_frames = fs::path(a.output) / "kept_frames" / run.job.folder.filename();

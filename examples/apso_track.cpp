@@ -58,6 +58,7 @@ class Run {
   void process(int i);
   [[nodiscard]] std::string unused() const;
   void write();
+  void plot(const json& summary);
   void tell(const json& summary) const;
 
   Arguments a_;
@@ -180,7 +181,7 @@ void Run::process(int i) {
     if (overlay.empty()) overlay = apso::opencv::draw_overlay(frame.colour, observation, tracker.keypoints(), report);
     return overlay;
   };
-  overlays_->offer({i, total_, frame.timestamp - source_->timestamp(0), source_->label(i)}, report, draw);
+  if (!a_.no_pictures) overlays_->offer({i, total_, frame.timestamp - source_->timestamp(0), source_->label(i)}, report, draw);
   if (a_.report) {
     writer_->add([file = out_->file(report::picture_name(i)), picture = draw(), rows = frame.colour.rows] {
       report::write_picture(file, picture, rows);
@@ -231,22 +232,28 @@ void Run::write() {
   summary["options"] = track::yaml_to_json(apso::write_parameters(options_));
   summary["refine"] = summary["options"]["pipeline"]["refine"];
 
-  overlays_->finish();
   if (video_) video_->finish();
-  const bool evaluated = summary.contains("final") && summary["final"].is_object();
-  const track::PlottedRun plotted = track::plotted_run(report::sequence_name(a_.sequence), record_.reports,
-                                                       evaluated ? truth : apso::Trajectory{}, record_.feature_poses, record_.final_poses);
-  for (const char* format : {".png", ".svg", ".pdf"}) {
-    track::plot_trajectory(out_->file(std::string("trajectory") + format), plotted);
-    track::plot_scores(out_->file(std::string("scores") + format), plotted);
-  }
-  track::write_overview(*out_);
+  if (!a_.no_pictures) plot(summary);
   const fs::path page = a_.report && !record_.reports.empty() ? out_->file("report.html") : fs::path();
   track::write_json(out_->file("summary.json"), summary);  // last: a folder with it is complete
   if (!page.empty())
     report::write(page, {out_->unfinished()}, report::default_megabytes, fs::path(a_.output).lexically_normal().filename());
   out_->finish();
   tell(summary);
+}
+
+/// Writes the pictures of the whole run.
+void Run::plot(const json& summary) {
+  overlays_->finish();
+  const bool evaluated = summary.contains("final") && summary["final"].is_object();
+  const track::PlottedRun plotted =
+      track::plotted_run(report::sequence_name(a_.sequence), record_.reports, evaluated ? source_->groundtruth() : apso::Trajectory{},
+                         record_.feature_poses, record_.final_poses);
+  for (const char* format : {".png", ".svg", ".pdf"}) {
+    track::plot_trajectory(out_->file(std::string("trajectory") + format), plotted);
+    track::plot_scores(out_->file(std::string("scores") + format), plotted);
+  }
+  track::write_overview(*out_);
 }
 
 void Run::tell(const json& summary) const {
@@ -281,8 +288,9 @@ void Run::tell(const json& summary) const {
   if (none_rated && track::stamp_problem(source_->timestamps()).empty()) {
     std::printf("no frame was rated: the recording ended within the initialisation (%zu frames)\n", frames);
   }
-  std::printf("results in %s: trajectory.txt, frames.csv, summary.json, overview.png, overlays/%s%s%s\n", a_.output.c_str(),
-              a_.report ? ", report.html" : "", a_.video.empty() ? "" : ", ", a_.video.c_str());
+  std::printf("results in %s: trajectory.txt, frames.csv, summary.json%s%s%s%s\n", a_.output.c_str(),
+              a_.no_pictures ? "" : ", overview.png, overlays/", a_.report ? ", report.html" : "", a_.video.empty() ? "" : ", ",
+              a_.video.c_str());
 }
 
 int Run::execute() {

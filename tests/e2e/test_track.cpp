@@ -270,6 +270,17 @@ TEST_CASE("a folder of results holds the last run only, and nothing is lost that
   CHECK(files(out / "overlays") == 2 + 1);
   CHECK(Table(out / "frames.csv").rows.size() == 2);
   CHECK(fs::exists(out / "notes.txt"));
+
+  const Outcome figures = run(APSO_TRACK, start + " --max-frames 2 --no-pictures", f.path);
+  REQUIRE(figures.code == 0);
+  CHECK(figures.text.find("overview.png") == std::string::npos);
+  CHECK(read_json(out / "summary.json")["frames"]["with_pose"] == 2);
+  CHECK(Table(out / "frames.csv").rows.size() == 2);
+  CHECK(files(out / "overlays") == 1);
+  for (const auto& e : fs::directory_iterator(out)) {
+    CAPTURE(e.path().string());
+    CHECK((e.is_directory() || e.path().extension() == ".txt" || e.path().extension() == ".csv" || e.path().extension() == ".json"));
+  }
 }
 
 TEST_CASE("progress is shown on a terminal only") {
