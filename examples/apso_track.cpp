@@ -58,7 +58,6 @@ class Run {
   void process(int i);
   [[nodiscard]] std::string unused() const;
   void write();
-  void plot(const json& summary);
   void tell(const json& summary) const;
 
   Arguments a_;
@@ -233,27 +232,19 @@ void Run::write() {
   summary["refine"] = summary["options"]["pipeline"]["refine"];
 
   if (video_) video_->finish();
-  if (!a_.no_pictures) plot(summary);
+  if (!a_.no_pictures) {
+    overlays_->finish();
+    const bool evaluated = summary.contains("final") && summary["final"].is_object();
+    track::write_plots(track::plotted_run(report::sequence_name(a_.sequence), record_.reports, evaluated ? truth : apso::Trajectory{},
+                                          record_.feature_poses, record_.final_poses),
+                       *out_);
+  }
   const fs::path page = a_.report && !record_.reports.empty() ? out_->file("report.html") : fs::path();
   track::write_json(out_->file("summary.json"), summary);  // last: a folder with it is complete
   if (!page.empty())
     report::write(page, {out_->unfinished()}, report::default_megabytes, fs::path(a_.output).lexically_normal().filename());
   out_->finish();
   tell(summary);
-}
-
-/// Writes the pictures of the whole run.
-void Run::plot(const json& summary) {
-  overlays_->finish();
-  const bool evaluated = summary.contains("final") && summary["final"].is_object();
-  const track::PlottedRun plotted =
-      track::plotted_run(report::sequence_name(a_.sequence), record_.reports, evaluated ? source_->groundtruth() : apso::Trajectory{},
-                         record_.feature_poses, record_.final_poses);
-  for (const char* format : {".png", ".svg", ".pdf"}) {
-    track::plot_trajectory(out_->file(std::string("trajectory") + format), plotted);
-    track::plot_scores(out_->file(std::string("scores") + format), plotted);
-  }
-  track::write_overview(*out_);
 }
 
 void Run::tell(const json& summary) const {

@@ -156,7 +156,7 @@ inline void declare_options(CLI::App& app, Arguments& a) {
       ->allow_extra_args(false);
   app.add_flag("--no-refinement", a.no_refinement, "keep the poses of the feature tracker: pipeline.refine none");
   app.add_flag("--write-masks", a.write_masks, "write masks/ (8-bit PNG, 255 = dynamic, named by the colour image's timestamp)");
-  app.add_flag("--no-pictures", a.no_pictures, "write trajectories and figures only: no overlays, no plots, no overview");
+  app.add_flag("--no-pictures", a.no_pictures, "write no overlays, plots or overview: only trajectories and tables");
   app.add_flag("--report", a.report, "write report.html, the run as one page with every frame, and thumbnails/, the pictures in it");
   app.add_option("--video", a.video,
                  "write a video of this name into the folder of the results, NAME.avi (Motion JPEG) or\n"

@@ -159,6 +159,15 @@ inline void write_overview(ResultFolder& folder) {
   write_file(folder.file("overview.svg"), svg + "</svg>\n");
 }
 
+/// The plots of a run in all formats, and the overview with them. After OverlayChooser::finish().
+inline void write_plots(const PlottedRun& run, ResultFolder& folder) {
+  for (const char* format : {".png", ".svg", ".pdf"}) {
+    plot_trajectory(folder.file(std::string("trajectory") + format), run);
+    plot_scores(folder.file(std::string("scores") + format), run);
+  }
+  write_overview(folder);
+}
+
 /// What the plots show of a run. \param title name of the sequence \param truth empty: none that can be compared
 inline PlottedRun plotted_run(const std::string& title, const std::vector<apso::FrameReport>& reports, const apso::Trajectory& truth,
                               const apso::Trajectory& features, const apso::Trajectory& final_poses) {

@@ -271,9 +271,9 @@ TEST_CASE("a folder of results holds the last run only, and nothing is lost that
   CHECK(Table(out / "frames.csv").rows.size() == 2);
   CHECK(fs::exists(out / "notes.txt"));
 
-  const Outcome figures = run(APSO_TRACK, start + " --max-frames 2 --no-pictures", f.path);
-  REQUIRE(figures.code == 0);
-  CHECK(figures.text.find("overview.png") == std::string::npos);
+  const Outcome plain = run(APSO_TRACK, start + " --max-frames 2 --no-pictures", f.path);
+  REQUIRE(plain.code == 0);
+  CHECK(plain.text.find("overview.png") == std::string::npos);
   CHECK(read_json(out / "summary.json")["frames"]["with_pose"] == 2);
   CHECK(Table(out / "frames.csv").rows.size() == 2);
   CHECK(files(out / "overlays") == 1);
