@@ -133,6 +133,12 @@ void print_decision(const apso::Assessment& a, const apso::DecisionOptions& o) {
     S = apso::boost(S, o.boost_object);
     std::printf(".\nThe detections are confident, so that it is raised to S + b (1 - S) with b = %.2f: %.3f", o.boost_object, S.value());
   }
+  if (a.S_inn.value() < 1) {
+    S = apso::Quality(S.value() * a.S_inn.value());
+    std::printf(
+        ".\nThe feature pose lies %.1f mm off the prediction, more than is typical here, so that it is multiplied by S_inn = %.3f: %.3f",
+        1e3 * a.innovation, a.S_inn.value(), S.value());
+  }
   agreed(S.value(), a.S_final->value());
   std::printf(".\n\n**(11)** %.3f is less than th_differ = %.2f: the frame is **%s**. The library says:\n\n", a.S_final->value(),
               a.th_differ, to_string(a.state));

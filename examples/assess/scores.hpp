@@ -40,6 +40,7 @@ inline const std::vector<Score>& scores() {
     apso::for_each_measurement(a, [&](const std::string& column, double) {
       if (column.rfind("S_", 0) == 0) add(column, apso::Better::Higher);
     });
+    all.push_back({"1 - S_inn", "S_inn", true});
     all.push_back({"S_change", "S_change", false});
     apso::for_each_change_score(a, [&](const char* name, const auto&, double, apso::Better better) { add(name, better); });
     all.push_back({"S_step", "S_step", false});

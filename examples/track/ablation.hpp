@@ -49,6 +49,7 @@ inline std::vector<Variant> fixed_variants() {
       {"no_motion", "nothing is masked", {{"pipeline.motion", "false"}}, ""},
       {"no_change", "S_final = S_total", {{decision("w_base"), "1"}, {decision("a"), "0"}, {decision("w_dyn"), "1"}}, ""},
       {"no_sharpness", "S_feature from keypoints alone", {{assessor("feature.sharpness"), "false"}}, ""},
+      {"no_innovation", "S_final from the images alone", {{decision("innovation"), "false"}}, ""},
       {"no_dynamic_ratio", "W_base does not fall with what moves", {{decision("a"), "0"}}, ""},
       {"no_static_boost", "static scenario off", {{decision("boost_static"), "0"}}, ""},
       {"no_dynamic_scenario", "dynamic scenario off", {{decision("th_dynamic"), "1"}}, ""},

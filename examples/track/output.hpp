@@ -61,7 +61,7 @@ class FrameTable {
     apso::for_each_frame_score(apso::Assessment{}, name_column);
     stream_ << "S_total,";
     apso::for_each_change_score(apso::Assessment{}, name_column);
-    stream_ << "S_change,S_step,dynamic_ratio,"
+    stream_ << "S_change,S_step,dynamic_ratio,innovation,S_inn,"
                "W_base,W_change,S_final,th_differ,th_f,th_s,degraded,benchmark_updated,benchmark_age_s,"
                "objects,feature_ok,feature_matches,feature_inliers,keyframes,landmarks,part,refined,refine_status,w_diff,w_eff,"
                "c_dir,references,far_reference,gated,pose_source,valid_share,scale_intensity,scale_depth,degenerate_directions,"
@@ -91,6 +91,8 @@ class FrameTable {
     score(a.S_change);
     score(a.S_step);
     put(a.dynamic_ratio);
+    optional(std::isfinite(a.innovation), a.innovation);
+    put(a.S_inn.value());
     put(a.W_base);
     put(a.W_change);
     score(a.S_final);

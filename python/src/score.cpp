@@ -75,6 +75,9 @@ void add_score(py::module_& m) {
       .def_property_readonly(
           "S_final", [](const A& a) { return number(a.assessment.S_final); }, "What decides, [0, 1]; None while a reference is searched.")
       .def_property_readonly(
+          "S_inn", [](const A& a) { return a.assessment.S_inn.value(); },
+          "Factor of S_final, [0, 1]: how well the feature pose agrees with the predicted one; 1 where one is not known.")
+      .def_property_readonly(
           "th_differ", [](const A& a) { return a.assessment.th_differ; }, "S_final below it is BAD.")
       .def_property_readonly(
           "dynamic_ratio", [](const A& a) { return a.assessment.dynamic_ratio; }, "Share of the image that moves, [0, 1].")

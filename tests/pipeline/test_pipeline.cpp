@@ -401,6 +401,40 @@ TEST_CASE("a frame without a feature pose takes the direct pose, and the map may
   }
 }
 
+TEST_CASE("a feature pose that jumps in good images is BAD and put right, and the map may grow from the frame") {
+  for (const RefinedFrames refine : {RefinedFrames::Every, RefinedFrames::BadOnly}) {
+    PipelineOptions o = quick_start();
+    o.refine = refine;
+    Host host("static_xyz", 0, o);
+    int i = 0;
+    for (; i < 12; ++i) host.step(i);
+    REQUIRE(host.pipeline().report().state == SceneState::Good);
+    Pose T_wrong = host.truth(i);
+    T_wrong(1, 3) += 0.1;
+    const FrameReport& r = host.step(i, Pose::Identity(), true, 30, &T_wrong);
+    CHECK(r.assessment.innovation == doctest::Approx(0.1).epsilon(1e-6));
+    CHECK(r.state == SceneState::Bad);
+    CHECK(r.refined);
+    CHECK((inverse(host.truth(i)) * r.T_world_camera).translation().norm() < 0.01);
+    CHECK(r.keyframe_allowed);
+    ++i;
+    CHECK(host.step(i).state == SceneState::Good);
+  }
+}
+
+TEST_CASE("a prediction that goes on from a guess says nothing about the feature pose") {
+  Host host("static_xyz", 0, quick_start());
+  int i = 0;
+  for (; i < 12; ++i) host.step(i);
+  host.blank = true;
+  const Pose T_far = make_pose(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.5, 0, 0));
+  REQUIRE(host.step(i++, T_far, false, 0.0F).source == PoseSource::Prediction);
+  const Pose T_found = host.truth(i);
+  const FrameReport& r = host.step(i, T_far, true, 30, &T_found);
+  CHECK(std::isnan(r.assessment.innovation));
+  CHECK(r.assessment.S_inn.value() == 1);
+}
+
 TEST_CASE("a mask from outside is taken as it is when no motion policy runs") {
   PipelineOptions o;
   o.motion = false;

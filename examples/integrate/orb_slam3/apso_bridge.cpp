@@ -57,6 +57,7 @@ struct ApsoBridge {
     options.refine = o.refine == APSO_REFINE_EVERY ? apso::RefinedFrames::Every
                      : o.refine == APSO_REFINE_BAD ? apso::RefinedFrames::BadOnly
                                                    : apso::RefinedFrames::None;
+    options.assessor.decision.innovation = false;  // the hook holds the host's pose against the corners itself
     return options;
   }
   /// Runs beside the host, or at once.

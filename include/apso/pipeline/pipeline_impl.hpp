@@ -104,7 +104,8 @@ auto BasicPipeline<P, M, A, R>::assess(const Keypoints& keypoints, const Tracks&
   input.objects = &observation_.objects;
   input.dynamic_ratio = observation_.dynamic_ratio;
   input.feature_tracking_ok = feature_ok_;
-  input.T_world_camera = pose.ok ? &T_world_feature_ : nullptr;  // also one that is refused, so that the assessment says so
+  input.T_world_camera = pose.ok ? &T_world_feature_ : nullptr;                  // also one that is refused, so that the assessment says so
+  input.T_world_predicted = previous_measured_ ? &T_world_predicted_ : nullptr;  // what goes on from a guess says nothing
   input.matches = pose.matches;
   report_ = Report{};
   report_.timestamp = work_.frame().timestamp;
@@ -172,7 +173,10 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
   // one. The paper's switch builds on GOOD frames only.
   const bool repaired =
       !feature_ok_ && report_.refined && report_.refinement.c_dir >= kSureConfidence && options_.refine == RefinedFrames::Every;
-  report_.keyframe_allowed = repaired || (feature_ok_ && (report_.state == SceneState::Good || initialising));
+  // A frame that is BAD for the jump of its pose alone has good images, and its pose has just been checked: without it the map runs out
+  // where the camera turns.
+  const bool built_upon = report_.source != PoseSource::Prediction && (report_.assessment.good_scene || initialising);
+  report_.keyframe_allowed = repaired || (feature_ok_ && built_upon);
   if (options_.motion && report_.state != SceneState::Lost) {
     motion_.remember(work_.frame(), T_world_camera, observation_.mask);
   }

@@ -35,7 +35,8 @@ struct BasicFrameReport {
   PoseT T_world_direct = from_pose<PoseT>(identity_pose());   ///< of direct alignment, if `refined`
   PoseT T_world_camera = from_pose<PoseT>(identity_pose());   ///< final pose; in state Lost only the prediction
   PoseSource source = PoseSource::Features;                   ///< what T_world_camera comes from
-  bool keyframe_allowed = false;  ///< the map may learn from this frame: GOOD, or without features but with a sure direct pose
+  bool keyframe_allowed = false;  ///< the map may learn from this frame: its images are good (AssessmentSummary::good_scene), or it has a
+                                  ///< sure direct pose without features
 };
 using FrameReport = BasicFrameReport<>;
 

@@ -54,8 +54,6 @@ template <class T>
 using options_of_t = typename options_of<T>::type;
 
 template <class T>
-inline constexpr bool is_assessor_v = detected_v<assess_call_t, T>&& detected_v<options_call_t, T>&& detected_v<reset_call_t, T>;
-template <class T>
 inline constexpr bool is_refiner_v =
     detected_v<refine_call_t, T>&& detected_v<remember_call_t, T>&& detected_v<options_call_t, T>&& detected_v<reset_call_t, T>;
 
@@ -69,6 +67,10 @@ struct assessment_of<T, false> {
 };
 template <class T>
 using assessment_of_t = typename assessment_of<T>::type;
+
+template <class T>
+inline constexpr bool is_assessor_v = detected_v<assess_call_t, T>&& detected_v<options_call_t, T>&& detected_v<reset_call_t, T>&&
+    std::is_base_of_v<AssessmentSummary, assessment_of_t<T>>;
 
 template <class T, bool = detected_v<refine_call_t, T>>
 struct refinement_of {
@@ -85,8 +87,8 @@ using refinement_of_t = typename refinement_of<T>::type;
 template <class PoseT, class MotionT, class AssessorT, class RefinerT>
 struct RequirePipeline : private require_pose<PoseT>, private require_motion_policy<MotionT> {
   static_assert(is_assessor_v<AssessorT>,
-                "apso: an assessor needs assess(const AssessmentInput&), options() and reset(), and is made from "
-                "(camera, options); see apso/quality/assessor.hpp");
+                "apso: an assessor needs assess(const AssessmentInput&), which gives an AssessmentSummary or what is derived from it, "
+                "options() and reset(), and is made from (camera, options); see apso/quality/assessor.hpp");
   static_assert(is_refiner_v<RefinerT>,
                 "apso: a refiner needs a type Input, refine(const Input&), remember(frame, dynamic_probability, "
                 "T_world_camera, executor, flow), options() and reset(), and is made from (camera, options); see "

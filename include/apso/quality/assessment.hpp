@@ -46,16 +46,20 @@ struct AssessmentSummary {
   MaybeDeviation S_step;         ///< the same score against the frame before; decides about hand-over only
   int steady_frames = 0;         ///< consecutive frames that are good by themselves and continue the one before
 
-  double dynamic_ratio = 0;       ///< [0,1], the one that entered the weights
-  double W_base = 0;              ///< equation (8)
-  double W_change = 0;            ///< equation (9)
-  MaybeQuality S_final;           ///< equation (6); missing while initialising
-  double th_f = 0;                ///< equation (4) [frames]
-  double th_s = 0;                ///< equation (5), [0,1]
-  double th_differ = 0;           ///< equation (11), [0,1]; 0 while initialising
-  bool scenario_static = false;   ///< static, rich in features: S_final boosted
-  bool scenario_dynamic = false;  ///< dynamic: the change counts most
-  bool scenario_objects = false;  ///< confident detections: S_final boosted
+  double dynamic_ratio = 0;  ///< [0,1], the one that entered the weights
+  double W_base = 0;         ///< equation (8)
+  double W_change = 0;       ///< equation (9)
+  MaybeQuality S_final;      ///< equation (6); missing while initialising
+  double innovation =
+      std::numeric_limits<double>::quiet_NaN();  ///< distance of the feature pose from the predicted one [m]; NaN = not known
+  Quality S_inn = Quality(1.0);                  ///< the factor of S_final that follows from it; see innovation_score()
+  bool good_scene = false;                       ///< GOOD but for S_inn: the images are fit to build upon, whatever the pose
+  double th_f = 0;                               ///< equation (4) [frames]
+  double th_s = 0;                               ///< equation (5), [0,1]
+  double th_differ = 0;                          ///< equation (11), [0,1]; 0 while initialising
+  bool scenario_static = false;                  ///< static, rich in features: S_final boosted
+  bool scenario_dynamic = false;                 ///< dynamic: the change counts most
+  bool scenario_objects = false;                 ///< confident detections: S_final boosted
 
   SceneState state = SceneState::Initialising;  ///< never Lost: that is for whoever owns the pose to say
   bool feature_tracking_ok = true;              ///< false also for a feature pose that was refused

@@ -33,6 +33,9 @@ struct AssessmentInput {
   const Pose* T_world_camera = nullptr;              ///< that pose, if known: one that is not rigid (is_rigid(), e.g. NaN) counts as
                                                      ///< none found; FlowKind::PosePredicted asks for it
   int matches = -1;                                  ///< points of the map that agree with that pose; -1 = not known
+  const Pose* T_world_predicted = nullptr;           ///< what was expected before the features were matched with the map: by the motion of
+                                                     ///< tracks, by other sensors or by constant velocity; null, or one that is not
+                                                     ///< rigid: S_inn is 1
 };
 
 /// A frame in types of yours. Made by assessment_input().
@@ -43,10 +46,11 @@ struct ForeignAssessmentInput {
   Tracks tracks;
   Objects objects;
   Mask dynamic_probability;
-  std::optional<double> dynamic_ratio{};  ///< [0,1]; by default the mean of the dynamic probability
-  bool feature_tracking_ok = true;        ///< did the feature tracker find a pose?
-  const Pose* T_world_camera = nullptr;   ///< that pose, as in AssessmentInput
-  int matches = -1;                       ///< points of the map that agree with that pose; -1 = not known
+  std::optional<double> dynamic_ratio{};    ///< [0,1]; by default the mean of the dynamic probability
+  bool feature_tracking_ok = true;          ///< did the feature tracker find a pose?
+  const Pose* T_world_camera = nullptr;     ///< that pose, as in AssessmentInput
+  int matches = -1;                         ///< points of the map that agree with that pose; -1 = not known
+  const Pose* T_world_predicted = nullptr;  ///< what was expected, as in AssessmentInput
 };
 
 /// What SceneAssessor::assess takes; `none` for what you do not have. Named lists and images must outlive the result,

@@ -59,7 +59,7 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     c.tracks = in.tracks;
     c.objects = in.objects;
     c.dynamic_probability = in.dynamic_probability;
-    return assess(c, in.dynamic_ratio, in.feature_tracking_ok);
+    return assess(c, in.dynamic_ratio, in.feature_tracking_ok, in.T_world_predicted);
   }
   /// The same of any types; see assessment_input().
   template <class F, class K, class T, class D, class M>
@@ -69,7 +69,8 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     if constexpr (!is_none_v<typename T::type>) c.tracks = &as_tracks(in.tracks.get(), tracks_);
     if constexpr (!is_none_v<typename D::type>) c.objects = &as_detections(in.objects.get(), objects_);
     c.dynamic_probability = in.dynamic_probability.get();
-    return assess(c, in.dynamic_ratio ? *in.dynamic_ratio : mean_of(c.dynamic_probability, row_), in.feature_tracking_ok);
+    return assess(c, in.dynamic_ratio ? *in.dynamic_ratio : mean_of(c.dynamic_probability, row_), in.feature_tracking_ok,
+                  in.T_world_predicted);
   }
   /// The last result.
   [[nodiscard]] const Result& assessment() const { return a_; }
@@ -81,6 +82,7 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     change_scores_.reset();
     has_previous_ = false;
     steady_frames_ = 0;
+    innovations_.reset();
     reset_benchmark();
   }
   /// Forgets the reference and searches a new one, e.g. in a new place; what the scores have learned stays.
@@ -125,7 +127,7 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     expects(fits(c.dynamic_probability), "SceneAssessor: the dynamic map has not the size of the camera");
   }
 
-  const Result& assess(FrameContext& c, double dynamic_ratio, bool feature_tracking_ok) {
+  const Result& assess(FrameContext& c, double dynamic_ratio, bool feature_tracking_ok, const Pose* T_world_predicted) {
     check(c);
     const int frame = a_.frame + 1;
     a_ = Result{};
@@ -135,6 +137,7 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     a_.feature_tracking_ok = feature_tracking_ok && !a_.feature_pose_refused;
     if (a_.feature_pose_refused) c.T_world_camera = nullptr;
     c.initialising = !benchmark_.present();
+    if (o_.decision.innovation) measure_innovation(c.T_world_camera, T_world_predicted);
 
     score_frame(c, kFrameIndices);
     remember(c, kChangeIndices);
@@ -155,6 +158,13 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     std::swap(previous_, current_);
     has_previous_ = true;
     return a_;
+  }
+
+  void measure_innovation(const Pose* T_world_camera, const Pose* T_world_predicted) {
+    if (T_world_camera != nullptr && T_world_predicted != nullptr && is_rigid(*T_world_predicted)) {
+      a_.innovation = norm(translation(compose(inverse(*T_world_predicted), *T_world_camera)));
+    }
+    a_.S_inn = innovations_.score(a_.innovation);
   }
 
   template <std::size_t... I>
@@ -267,12 +277,13 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
   void decide() {
     a_.th_f = initialiser_.th_f();
     a_.th_s = initialiser_.th_s();
-    const Decision d =
-        decision_.decide(a_.S_total, a_.of(ScoreRole::FeatureQuality), a_.of(ScoreRole::ObjectConfidence), a_.S_change, a_.dynamic_ratio);
+    const Decision d = decision_.decide(a_.S_total, a_.of(ScoreRole::FeatureQuality), a_.of(ScoreRole::ObjectConfidence), a_.S_change,
+                                        a_.dynamic_ratio, a_.S_inn);
     a_.W_base = d.W_base;
     a_.W_change = d.W_change;
     a_.S_final = d.S_final;
     a_.th_differ = d.th_differ;
+    a_.good_scene = d.good_scene && a_.feature_tracking_ok;
     a_.scenario_static = d.scenario_static;
     a_.scenario_dynamic = d.scenario_dynamic;
     a_.scenario_objects = d.scenario_objects;
@@ -301,6 +312,7 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
   BasicInitialiser<InitialThresholds> initialiser_;
   BasicSceneDecision<Threshold> decision_;
   Benchmark<Snapshot> benchmark_;
+  InnovationMonitor innovations_;
   Result a_;
   Snapshot current_;
   Snapshot best_;

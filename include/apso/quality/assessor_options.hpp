@@ -103,7 +103,7 @@ void for_each_without_score(const BasicAssessorOptions<F, C>& o, Function&& f) {
 /// Equations (1) to (11) as printed, as far as they can be computed:
 /// - (2) has no missing scores: S_conf is 0 without objects; S_feature is from keypoints alone
 /// - (5) th_s by its recursion
-/// - (6) S_change raises S_final
+/// - (6) S_change raises S_final, which is from the images alone
 /// - (8) W_base falls from frame to frame; Dynamic_ratio is the proportion of dynamic objects
 /// - (10) only the number of the benchmark is updated, it is never lowered, and no reference is handed on
 template <class F = PaperFrameScores, class C = PaperChangeScores>
@@ -113,6 +113,7 @@ template <class F = PaperFrameScores, class C = PaperChangeScores>
   o.initialisation.quality_threshold = QualityThreshold::Literal;
   o.decision.polarity = ChangePolarity::Literal;
   o.decision.base_weight = BaseWeight::Cumulative;
+  o.decision.innovation = false;
   o.dynamic_ratio = DynamicRatio::Count;
   o.benchmark.update = BenchmarkUpdate::NumberOnly;
   o.benchmark.half_life = o.benchmark.max_age = std::numeric_limits<double>::infinity();

@@ -80,7 +80,7 @@ template <class F, class C>
   const MaybeQuality total = mean_of_scores<Quality>(a.frame_scores, frame);
   return decision
       .decide(total.value_or(Quality(0.0)), a.of(ScoreRole::FeatureQuality), a.of(ScoreRole::ObjectConfidence),
-              mean_of_scores<Deviation>(a.change_scores, change), a.dynamic_ratio)
+              mean_of_scores<Deviation>(a.change_scores, change), a.dynamic_ratio, a.S_inn)
       .S_final;
 }
 

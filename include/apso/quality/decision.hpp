@@ -1,6 +1,6 @@
 /// \file
-/// S_final by equation (6) with the weights (8) and (9), the three scenarios, and the decision GOOD or BAD by
-/// equation (11).
+/// S_final by equation (6) with the weights (8) and (9), the three scenarios, the innovation of the pose, and the decision GOOD or BAD
+/// by equation (11).
 #pragma once
 
 #include <algorithm>
@@ -39,6 +39,7 @@ struct DecisionOptions {
   bool auto_calibrate = false;  ///< th_differ from the last GOOD frames, see calibrated_threshold()
   ChangePolarity polarity = ChangePolarity::Complement;
   BaseWeight base_weight = BaseWeight::PerFrame;
+  bool innovation = true;  ///< S_final is multiplied by S_inn; false: from the images alone, as printed
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
     v("w_base", s.w_base, 0.0, 1.0);
@@ -53,6 +54,7 @@ struct DecisionOptions {
     v("auto_calibrate", s.auto_calibrate);
     v("polarity", s.polarity);
     v("base_weight", s.base_weight);
+    v("innovation", s.innovation);
   }
 };
 
@@ -75,6 +77,36 @@ inline constexpr double kConfidenceOfObjects = 0.8;
   return Quality(W_base * S_total.value() + (1.0 - W_base) * part);
 }
 
+/// An innovation that is typical is never taken as less [m], so that a camera that stands still may start.
+inline constexpr double kLeastTypicalInnovation = 0.002;
+/// So many times more than what is typical halve S_inn (docs/quality.md).
+inline constexpr double kInnovationOfHalf = 4;
+
+/// S_inn: 1 for an innovation that is typical here, falling with a greater one.
+/// \param innovation of the pose: its distance from the one that was predicted [m]; NaN counts as typical
+/// \param typical    of the frames before [m]
+[[nodiscard]] inline Quality innovation_score(double innovation, double typical) {
+  const double more = (innovation / std::max(kLeastTypicalInnovation, typical) - 1) / kInnovationOfHalf;
+  return Quality(more > 0 ? 1 / (1 + more * more) : 1.0);
+}
+
+/// S_inn from frame to frame. No image shows that a feature pose is off by a few centimetres; the prediction does, since it rests on other
+/// measurements or on the camera having mass. What is typical is the running median of the frames before, BAD ones too, or a camera that
+/// begins to move otherwise would stay BAD.
+class InnovationMonitor {
+ public:
+  /// \param innovation see innovation_score() [m]; NaN is not learned
+  [[nodiscard]] Quality score(double innovation) {
+    const Quality s = innovation_score(innovation, typical_.median());
+    typical_.add(innovation);
+    return s;
+  }
+  void reset() { typical_.clear(); }
+
+ private:
+  RunningMedian typical_{300};  // 10 s of a 30 Hz camera
+};
+
 /// The outcome for one frame.
 struct Decision {
   double W_base = 0;
@@ -84,6 +116,7 @@ struct Decision {
   bool scenario_static = false;   ///< static and rich in features: boosted
   bool scenario_dynamic = false;  ///< dynamic: the change counts most
   bool scenario_objects = false;  ///< well detected objects: boosted
+  bool good_scene = false;        ///< GOOD but for S_inn
   bool good = false;
 };
 
@@ -144,8 +177,9 @@ class BasicSceneDecision {
   /// \param feature_quality   S_feature, for the static scenario
   /// \param object_confidence S_conf, for the scenario of confident detections
   /// \param dynamic_ratio     [0,1]
+  /// \param S_inn             see InnovationMonitor
   Decision decide(Quality S_total, MaybeQuality feature_quality, MaybeQuality object_confidence, MaybeDeviation S_change,
-                  double dynamic_ratio) {
+                  double dynamic_ratio, Quality S_inn = Quality(1.0)) {
     Decision d;
     const double ratio = Deviation(dynamic_ratio).value();  // NaN counts as all dynamic
     d.W_base = base_weight(o_.base_weight == BaseWeight::PerFrame ? o_.w_base : w_, ratio, o_.a);
@@ -159,6 +193,8 @@ class BasicSceneDecision {
     d.scenario_objects = object_confidence && object_confidence->value() >= kConfidenceOfObjects;
     if (d.scenario_objects) d.S_final = boost(d.S_final, o_.boost_object);
     d.th_differ = threshold_.value();
+    d.good_scene = d.S_final.value() >= d.th_differ;
+    d.S_final = Quality(d.S_final.value() * S_inn.value());
     d.good = d.S_final.value() >= d.th_differ;
     return d;
   }

@@ -43,6 +43,8 @@ template <class F, class C>
     if (a.S_final) {
       s << ": S_final " << a.S_final->value() << (a.S_final->value() >= a.th_differ ? " >= " : " < ") << a.th_differ;
     }
+    if (a.S_inn.value() < 0.7)
+      s << "; the feature pose is " << 100 * a.innovation << " cm off the prediction (S_inn " << a.S_inn.value() << ')';
     if (!a.feature_tracking_ok && !a.feature_pose_refused) s << "; the feature tracker has no pose";
     s << "; S_total " << a.S_total.value();
   }
