@@ -137,7 +137,10 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     a_.feature_tracking_ok = feature_tracking_ok && !a_.feature_pose_refused;
     if (a_.feature_pose_refused) c.T_world_camera = nullptr;
     c.initialising = !benchmark_.present();
-    if (o_.decision.innovation) measure_innovation(c.T_world_camera, T_world_predicted);
+    if (o_.decision.innovation) {
+      a_.innovation = pose_innovation(c.T_world_camera, T_world_predicted);
+      a_.S_inn = innovations_.score(a_.innovation);
+    }
 
     score_frame(c, kFrameIndices);
     remember(c, kChangeIndices);
@@ -158,13 +161,6 @@ class BasicAssessor : private detail::RequireScores<FrameScores, ChangeScores> {
     std::swap(previous_, current_);
     has_previous_ = true;
     return a_;
-  }
-
-  void measure_innovation(const Pose* T_world_camera, const Pose* T_world_predicted) {
-    if (T_world_camera != nullptr && T_world_predicted != nullptr && is_rigid(*T_world_predicted)) {
-      a_.innovation = norm(translation(compose(inverse(*T_world_predicted), *T_world_camera)));
-    }
-    a_.S_inn = innovations_.score(a_.innovation);
   }
 
   template <std::size_t... I>

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 
 #include <apso/config.hpp>
+#include <apso/math/se3.hpp>
 #include <apso/math/statistics.hpp>
 #include <apso/types/score.hpp>
 
@@ -82,8 +84,15 @@ inline constexpr double kLeastTypicalInnovation = 0.002;
 /// So many times more than what is typical halve S_inn (docs/quality.md).
 inline constexpr double kInnovationOfHalf = 4;
 
+/// Distance from the predicted pose to that of the feature tracker [m]; NaN where one is not known (null) or no rigid motion.
+[[nodiscard]] inline double pose_innovation(const Pose* T_world_camera, const Pose* T_world_predicted) {
+  const auto known = [](const Pose* T) { return T != nullptr && is_rigid(*T); };
+  if (!known(T_world_camera) || !known(T_world_predicted)) return std::numeric_limits<double>::quiet_NaN();
+  return norm(translation(compose(inverse(*T_world_predicted), *T_world_camera)));
+}
+
 /// S_inn: 1 for an innovation that is typical here, falling with a greater one.
-/// \param innovation of the pose: its distance from the one that was predicted [m]; NaN counts as typical
+/// \param innovation see pose_innovation() [m]; NaN counts as typical
 /// \param typical    of the frames before [m]
 [[nodiscard]] inline Quality innovation_score(double innovation, double typical) {
   const double more = (innovation / std::max(kLeastTypicalInnovation, typical) - 1) / kInnovationOfHalf;
@@ -95,7 +104,7 @@ inline constexpr double kInnovationOfHalf = 4;
 /// begins to move otherwise would stay BAD.
 class InnovationMonitor {
  public:
-  /// \param innovation see innovation_score() [m]; NaN is not learned
+  /// \param innovation see pose_innovation() [m]; NaN is not learned
   [[nodiscard]] Quality score(double innovation) {
     const Quality s = innovation_score(innovation, typical_.median());
     typical_.add(innovation);
