@@ -82,6 +82,10 @@ void check_equal(const FrameReport& a, const BasicFrameReport<foreign::DualQuate
   CHECK(a.refined == b.refined);
   CHECK(a.keyframe_allowed == b.keyframe_allowed);
   CHECK(a.assessment.S_total.value() == b.assessment.S_total.value());
+  CHECK(a.assessment.good_scene == b.assessment.good_scene);
+  CHECK(std::isnan(a.assessment.innovation) == std::isnan(b.assessment.innovation));
+  if (!std::isnan(a.assessment.innovation))
+    CHECK(a.assessment.innovation == doctest::Approx(b.assessment.innovation).epsilon(1e-9).scale(1));
   CHECK(a.assessment.dynamic_ratio == doctest::Approx(b.assessment.dynamic_ratio).epsilon(1e-9));
   CHECK((a.T_world_camera.matrix() - to_pose(b.T_world_camera).matrix()).cwiseAbs().maxCoeff() < 1e-9);
   CHECK((a.T_world_feature.matrix() - to_pose(b.T_world_feature).matrix()).cwiseAbs().maxCoeff() < 1e-12);
@@ -102,9 +106,13 @@ TEST_CASE("foreign images, poses, keypoints, tracks and detections give what nat
                                             foreign::features(host.tracks), host.boxes);
     CHECK(a.dynamic_ratio == doctest::Approx(b.dynamic_ratio).epsilon(1e-9));
     CHECK(a.objects.size() == b.objects.size());
-    native.assess(host.keypoints, host.tracks, {host.pose, host.pose, true});
-    pipeline.assess(foreign::corners(host.keypoints), foreign::features(host.tracks), {T, T, true});
+    Pose T_predicted = host.pose;
+    T_predicted.translation().y() += i == 13 ? 0.05 : 0.001;
+    native.assess(host.keypoints, host.tracks, {host.pose, T_predicted, true});
+    pipeline.assess(foreign::corners(host.keypoints), foreign::features(host.tracks),
+                    {T, from_pose<foreign::DualQuaternionPose>(T_predicted), true});
     check_equal(native.conclude(), pipeline.conclude());
+    CHECK((pipeline.report().assessment.S_inn.value() < 1) == (i == 13));
     refined = refined || native.report().refined;
   }
   CHECK(refined);  // the third module had its part

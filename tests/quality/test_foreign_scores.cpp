@@ -74,6 +74,8 @@ std::string all_of(const Assessment& a) {
   add("S_total", a.S_total.value());
   add("S_final", a.S_final ? a.S_final->value() : -1);
   add("ratio", a.dynamic_ratio);
+  add("innovation", a.innovation);
+  add("S_inn", a.S_inn.value());
   return text + to_string(a.state);
 }
 }  // namespace
@@ -112,15 +114,22 @@ TEST_CASE("an assessor gives the same for foreign types as for native ones") {
     in.tracks = &listed;
     in.objects = &objects;
     in.dynamic_ratio = 0.2;
+    const Pose T_world_camera = make_pose(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.001 * k, 0, 0));
+    const Pose T_world_predicted = make_pose(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.001 * k, k == 43 ? 0.02 : 0.001, 0));
+    in.T_world_camera = &T_world_camera;
+    in.T_world_predicted = &T_world_predicted;
     const std::string expected = all_of(native.assess(in));
 
     const auto assess = [&](const auto& frame) {
       auto input = assessment_input(frame, corners, tracks, boxes, scaled(mask, 0.001F));
       input.dynamic_ratio = 0.2;
+      input.T_world_camera = &T_world_camera;
+      input.T_world_predicted = &T_world_predicted;
       return all_of(other.assess(input));
     };
     CHECK((by_cloud ? assess(frame(k / 30.0, grey, cloud, room.camera)) : assess(frame(k / 30.0, grey, scaled(raw, kUnit), room.camera))) ==
           expected);
+    CHECK((other.assessment().S_inn.value() < 1) == (k == 43));
   }
   CHECK(other.assessment().state == SceneState::Good);
   CHECK(other.assessment().get<DetectionChange>().has_value());

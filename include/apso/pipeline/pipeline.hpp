@@ -92,7 +92,9 @@ template <class PoseT = Pose>
 struct FeaturePose {
   PoseT T_world_feature = from_pose<PoseT>(identity_pose());    ///< pose from features; one that is not rigid (is_rigid(), e.g. NaN)
                                                                 ///< counts as failed feature tracking
-  PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< pose from the motion model alone
+  PoseT T_world_predicted = from_pose<PoseT>(identity_pose());  ///< pose from the motion model alone, without the map; S_inn is measured
+                                                                ///< against it. Without a motion model give T_world_feature, which leaves
+                                                                ///< S_inn at 1
   bool ok = false;                                              ///< feature tracking succeeded
   Matrix6 information = zeros<Matrix6>();  ///< of T_world_feature, for the increment d of T_camera_world <- Exp(d) T_camera_world,
                                            ///< translation first [1/m^2, 1/rad^2]: the normal matrix of the pose optimisation;

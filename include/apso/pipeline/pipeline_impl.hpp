@@ -173,8 +173,7 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
   // one. The paper's switch builds on GOOD frames only.
   const bool repaired =
       !feature_ok_ && report_.refined && report_.refinement.c_dir >= kSureConfidence && options_.refine == RefinedFrames::Every;
-  // A frame that is BAD for the jump of its pose alone has good images, and its pose has just been checked: without it the map runs out
-  // where the camera turns.
+  // A frame that is BAD for the jump of its pose alone has good images: without such frames the map runs out where the camera turns.
   const bool built_upon = report_.source != PoseSource::Prediction && (report_.assessment.good_scene || initialising);
   report_.keyframe_allowed = repaired || (feature_ok_ && built_upon);
   if (options_.motion && report_.state != SceneState::Lost) {

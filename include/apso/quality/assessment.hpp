@@ -53,7 +53,7 @@ struct AssessmentSummary {
   double innovation =
       std::numeric_limits<double>::quiet_NaN();  ///< distance of the feature pose from the predicted one [m]; NaN = not known
   Quality S_inn = Quality(1.0);                  ///< the factor of S_final that follows from it; see innovation_score()
-  bool good_scene = false;                       ///< GOOD but for S_inn: the images are fit to build upon, whatever the pose
+  bool good_scene = false;                       ///< GOOD, or BAD for S_inn alone: its images are fit to build upon
   double th_f = 0;                               ///< equation (4) [frames]
   double th_s = 0;                               ///< equation (5), [0,1]
   double th_differ = 0;                          ///< equation (11), [0,1]; 0 while initialising

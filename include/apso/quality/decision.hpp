@@ -125,7 +125,7 @@ struct Decision {
   bool scenario_static = false;   ///< static and rich in features: boosted
   bool scenario_dynamic = false;  ///< dynamic: the change counts most
   bool scenario_objects = false;  ///< well detected objects: boosted
-  bool good_scene = false;        ///< GOOD but for S_inn
+  bool good_scene = false;        ///< GOOD, or BAD for S_inn alone
   bool good = false;
 };
 
