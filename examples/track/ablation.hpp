@@ -79,7 +79,6 @@ inline std::vector<Variant> fixed_variants() {
       {"observability", "S_spatial: how well objects are seen", {{assessor("spatial.form"), "object_observability"}}, ""},
       {"ratio_features", "dynamic ratio of keypoints", {{assessor("dynamic_ratio"), "features"}}, ""},
       {"ratio_count", "dynamic ratio of objects", {{assessor("dynamic_ratio"), "count"}}, ""},
-      {"hysteresis", "th_differ 0.03 higher once BAD", {{decision("hysteresis"), "0.03"}}, ""},
       {"auto_threshold", "th_differ follows the GOOD frames", {{decision("auto_calibrate"), "true"}}, ""},
       {"true_masks", "as shipped, with the generator's masks instead of the policy's", {{"pipeline.motion", "false"}}, "", false, true},
   };

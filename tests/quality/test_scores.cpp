@@ -403,19 +403,6 @@ TEST_CASE("boost, weights, S_final") {
   CHECK_THROWS_AS((void)SceneDecision(o), contract_error);
 }
 
-TEST_CASE("hysteresis") {
-  DecisionOptions o;
-  o.hysteresis = .03;
-  o.th_differ = .60;
-  SceneDecision d(o);
-  Decision x = d.decide(Quality(.61), {}, {}, {}, .1);
-  CHECK(x.good);
-  d.remember(x, false);
-  x = d.decide(Quality(.61), {}, {}, {}, .1);
-  CHECK_FALSE(x.good);
-  CHECK(d.decide(Quality(.635), {}, {}, {}, .1).good);
-}
-
 TEST_CASE("th_s in closed form") {
   const InitialisationOptions o;
   const double expected[][2] = {{29, .7}, {31, .6885}, {45, .5581}, {60, .4574}, {62, .45}, {150, .45}};

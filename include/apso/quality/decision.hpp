@@ -37,7 +37,6 @@ struct DecisionOptions {
   double boost_static = 0.15;   ///< of a static scene with good features, [0,1]
   double boost_object = 0.05;   ///< of a scene with confident detections, [0,1]
   double th_differ = 0.70;      ///< GOOD from here on, [0,1]; found by apso_calibrate (docs/quality.md)
-  double hysteresis = 0;        ///< once BAD, th_differ is this much higher, [0,1]
   bool auto_calibrate = false;  ///< th_differ from the last GOOD frames, see calibrated_threshold()
   ChangePolarity polarity = ChangePolarity::Complement;
   BaseWeight base_weight = BaseWeight::PerFrame;
@@ -52,7 +51,6 @@ struct DecisionOptions {
     v("boost_static", s.boost_static, 0.0, 1.0);
     v("boost_object", s.boost_object, 0.0, 1.0);
     v("th_differ", s.th_differ, 0.0, 1.0);
-    v("hysteresis", s.hysteresis, 0.0, 1.0);
     v("auto_calibrate", s.auto_calibrate);
     v("polarity", s.polarity);
     v("base_weight", s.base_weight);
@@ -140,32 +138,25 @@ inline constexpr double kHighestThreshold = 0.70;
   return std::clamp(median - 4 * 1.4826 * mad, lowest, highest);
 }
 
-/// th_differ from frame to frame: fixed, with hysteresis, or calibrated on the last GOOD frames, as the options choose. A
+/// th_differ from frame to frame: fixed, or calibrated on the last GOOD frames, as the options choose. A
 /// rule of your own has the same members.
 class DecisionThreshold {
  public:
   explicit DecisionThreshold(const DecisionOptions& options = {}) : o_(options) {}
-  void reset() {
-    was_bad_ = false;
-    good_scores_.clear();
-  }
+  void reset() { good_scores_.clear(); }
   /// For the next frame, [0,1].
   [[nodiscard]] double value() {
-    double th = o_.th_differ;
-    if (o_.auto_calibrate && good_scores_.full()) {  // a short quiet start is not enough to calibrate on
-      th = calibrated_threshold(good_scores_.median(), good_scores_.mad());
-    }
-    return was_bad_ ? std::min(1.0, th + o_.hysteresis) : th;
+    // a short quiet start is not enough to calibrate on
+    const bool calibrated = o_.auto_calibrate && good_scores_.full();
+    return calibrated ? calibrated_threshold(good_scores_.median(), good_scores_.mad()) : o_.th_differ;
   }
   /// What became of the frame.
   void remember(Quality S_final, bool good) {
-    was_bad_ = !good;
     if (good) good_scores_.add(S_final.value());
   }
 
  private:
   DecisionOptions o_;
-  bool was_bad_ = false;
   RunningMedian good_scores_{300};  // 10 s of a 30 Hz camera
 };
 
