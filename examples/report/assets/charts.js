@@ -128,7 +128,7 @@ function makeCharts() {
     here.append(element('p', {class: 'note'}, 'There is no ground truth that can be compared, so errors are not known.'));
   }
   if (several) addComparison(here, 'S_final', (r) => column(r, 'S_final'), 1.03);
-  addRow(here, 'Verdict: S_final is BAD below the threshold th_differ; S_inn is its part that comes from the pose', (run) => [
+  addRow(here, 'Verdict: BAD where S_final is below th_differ; S_inn is its factor from the feature pose', (run) => [
     line(run, 'S_final', 0, {width: 2}), line(run, 'S_inn', 1, {dash: [2, 3]}), {label: 'th_differ', values: column(run, 'th_differ').map((v, row) => (run.state[row] === 'INITIALISING' ? null : v)), colour: 7, dash: [5, 4]}], 1.03);
   addRow(here, 'Scores of the frame, 1 is best; th_s is the threshold of S_total while initialising', (run) => [
     line(run, 'S_total', 7, {width: 2}), ...run.frame_scores.map((name, i) => line(run, name, i)),
