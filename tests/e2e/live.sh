@@ -22,7 +22,8 @@ wait_for() {  # SECONDS CONDITION
 }
 
 touch "$scratch/log"
-Xvfb -displayfd 3 -screen 0 1280x800x24 3>"$scratch/display" 2>"$scratch/xvfb.log" &
+# -noreset: else the server starts anew when its last client leaves, and refuses whoever comes meanwhile (9 of 500 on a busy machine)
+Xvfb -noreset -displayfd 3 -screen 0 1280x800x24 3>"$scratch/display" 2>"$scratch/xvfb.log" &
 server=$!
 wait_for 10 '[ -s "$scratch/display" ]' || { echo "skipped: Xvfb does not start"; cat "$scratch/xvfb.log"; exit 77; }
 DISPLAY=:$(cat "$scratch/display")
