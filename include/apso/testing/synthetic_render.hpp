@@ -26,7 +26,7 @@ namespace testing {
 struct Canvas3d {
   Image<float> inverse_depth;    ///< [1/m], 0 where nothing is seen
   Image<std::uint16_t> surface;  ///< see above
-  Image<std::uint32_t> colour;   ///< red in the lowest byte
+  Image<Lanes> colour;
 };
 
 /// Draws faces and limbs by casting one ray through each pixel they may cover.
@@ -186,7 +186,7 @@ class Renderer {
   void shade_row(int y, Canvas3d& out) const {
     const float* iz = out.inverse_depth.row(y);
     const std::uint16_t* surface = out.surface.row(y);
-    std::uint32_t* colour = out.colour.row(y);
+    Lanes* colour = out.colour.row(y);
     const int width = camera_.width;
     for (int begin = 0; begin < width;) {
       int end = begin + 1;
@@ -202,7 +202,7 @@ class Renderer {
     }
   }
 
-  void shade_face(const Face& f, int y, int begin, int end, const float* iz, std::uint32_t* colour) const {
+  void shade_face(const Face& f, int y, int begin, int end, const float* iz, Lanes* colour) const {
     const Texture& texture = scene_.textures[static_cast<std::size_t>(f.texture)];
     const Eigen::Vector3f d0 = ray(0, y);
     const Eigen::Vector3f dx = ifx_ * rotation_.col(0);
@@ -224,11 +224,11 @@ class Renderer {
       const float lod = 0.25F * rough_log2(w2 * w2 * ((ds * ds + dt * dt + dn * dn) / (dn * dn)));
       const float s = std::max(0.0F, s0 + z * ds * f.density);
       const float t = std::max(0.0F, t0 + z * dt * f.density);
-      colour[x] = from_lanes(((texture.sample(s, t, lod) * shade) >> 8) & kLaneMask);
+      colour[x] = ((texture.sample(s, t, lod) * shade) >> 8) & kLaneMask;
     }
   }
 
-  void shade_limb(const LimbBody& b, int y, int begin, int end, const float* iz, std::uint32_t* colour) const {
+  void shade_limb(const LimbBody& b, int y, int begin, int end, const float* iz, Lanes* colour) const {
     const Texture& texture = scene_.textures[static_cast<std::size_t>(b.texture)];
     const Eigen::Vector3f light = b.to_world_normal.transpose() * Eigen::Vector3f(-0.35F, -0.8F, -0.5F);
     const Eigen::Vector3f o = b.to_local * (origin_ - b.centre);
@@ -246,7 +246,7 @@ class Renderer {
       const float lod = rough_log2(z * texels);
       const float lit = n.dot(light) / (b.to_world_normal * n).norm();
       const float shade = 0.62F + 0.38F * std::max(-0.6F, lit);
-      colour[x] = from_lanes(((texture.sample(s, t, lod) * static_cast<unsigned>(shade * 256.0F)) >> 8) & kLaneMask);
+      colour[x] = ((texture.sample(s, t, lod) * static_cast<unsigned>(shade * 256.0F)) >> 8) & kLaneMask;
     }
   }
 

@@ -78,7 +78,7 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
   const bool moves = open * fx * (fastest / 0.5F + 2 * motion.angular.norm()) > 0.75F;
   const Eigen::Vector3f& w = motion.angular;
   for (int y = 0; y < height; ++y) {
-    const std::uint32_t* colour = drawn.colour.row(y);
+    const Lanes* colour = drawn.colour.row(y);
     const std::uint16_t* id = drawn.surface.row(y);
     const std::uint16_t* above = drawn.surface.row(std::max(0, y - 1));
     const std::uint16_t* below = drawn.surface.row(std::min(height - 1, y + 1));
@@ -109,9 +109,9 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
           const float py = std::min(last_y, std::max(0.0F, static_cast<float>(y) + s * dv));
           const auto x256 = static_cast<unsigned>(px * 256.0F);
           const auto y256 = static_cast<unsigned>(py * 256.0F);
-          const std::uint32_t* p = drawn.colour.row(static_cast<int>(y256 >> 8)) + (x256 >> 8);
-          const Lanes upper = mix_lanes(to_lanes(p[0]), to_lanes(p[1]), x256 & 255U);
-          const Lanes lower = mix_lanes(to_lanes(p[width]), to_lanes(p[width + 1]), x256 & 255U);
+          const Lanes* p = drawn.colour.row(static_cast<int>(y256 >> 8)) + (x256 >> 8);
+          const Lanes upper = mix_lanes(p[0], p[1], x256 & 255U);
+          const Lanes lower = mix_lanes(p[width], p[width + 1], x256 & 255U);
           sum += mix_lanes(upper, lower, y256 & 255U);
         }
         r = static_cast<float>(sum & 0xFFFFU) * step;
@@ -120,12 +120,11 @@ inline void expose(const Canvas3d& drawn, std::size_t faces, const Pinhole& came
       } else {
         const int xl = std::max(0, x - 1);
         const int xr = std::min(width - 1, x + 1);
-        Lanes c = to_lanes(colour[x]);
+        Lanes c = colour[x];
         if (id[xl] != id[x] || id[xr] != id[x] || above[x] != id[x] || below[x] != id[x]) {  // smooth outlines
-          const std::uint32_t* ca = drawn.colour.row(std::max(0, y - 1));
-          const std::uint32_t* cb = drawn.colour.row(std::min(height - 1, y + 1));
-          const Lanes sum = 4 * c + 2 * (to_lanes(colour[xl]) + to_lanes(colour[xr]) + to_lanes(ca[x]) + to_lanes(cb[x])) +
-                            to_lanes(ca[xl]) + to_lanes(ca[xr]) + to_lanes(cb[xl]) + to_lanes(cb[xr]);
+          const Lanes* ca = drawn.colour.row(std::max(0, y - 1));
+          const Lanes* cb = drawn.colour.row(std::min(height - 1, y + 1));
+          const Lanes sum = 4 * c + 2 * (colour[xl] + colour[xr] + ca[x] + cb[x]) + ca[xl] + ca[xr] + cb[xl] + cb[xr];
           c = (sum >> 4) & kLaneMask;
         }
         r = static_cast<float>(c & 0xFFU);

@@ -148,18 +148,12 @@ class Canvas {
   std::vector<Rgb> pixels_;
 };
 
-/// Four 16-bit lanes of one texel (red in the lowest), so that one multiplication blends all channels.
+/// A colour as four lanes of 16 bits: red, blue, green, none; red in the lowest. One multiplication blends all channels.
 using Lanes = std::uint64_t;
 inline constexpr Lanes kLaneMask = 0x00FF00FF00FF00FFULL;
-[[nodiscard]] inline Lanes to_lanes(std::uint32_t t) {
-  return (static_cast<Lanes>(t) & 0x00FF00FFULL) | ((static_cast<Lanes>(t) & 0xFF00FF00ULL) << 24);
-}
-[[nodiscard]] inline std::uint32_t from_lanes(Lanes l) {
-  return static_cast<std::uint32_t>((l & 0x00FF00FFULL) | ((l >> 24) & 0xFF00FF00ULL));
-}
 /// a + (b - a) f/256 per lane, rounded; f in 0..256.
 [[nodiscard]] inline Lanes mix_lanes(Lanes a, Lanes b, unsigned f) {
-  return ((a * (256U - f) + b * f + 0x0080008000800080ULL) >> 8) & kLaneMask;
+  return (((a << 8) + (b - a) * f + 0x0080008000800080ULL) >> 8) & kLaneMask;  // borrows between lanes cancel: one multiplication
 }
 
 /// log2 of a positive number, off by less than 0.09, continuous and rising.
@@ -176,12 +170,12 @@ class Texture {
     int w = canvas.width();
     int h = canvas.height();
     expects((w & (w - 1)) == 0 && (h & (h - 1)) == 0 && w >= 16 && h >= 16, "Texture: size must be a power of two");
-    Level base{w - 1, h - 1, w, 1.0F, std::vector<std::uint32_t>(static_cast<std::size_t>(w * h))};
+    Level base{w - 1, h - 1, w, 1.0F, std::vector<Lanes>(static_cast<std::size_t>(w * h))};
     for (int y = 0; y < h; ++y) {
       for (int x = 0; x < w; ++x) {
         const Rgb& c = canvas.at(x, y);
-        const auto byte = [](float v) { return static_cast<std::uint32_t>(std::min(255.0F, std::max(0.0F, v)) + 0.5F); };
-        base.texels[static_cast<std::size_t>(y * w + x)] = byte(c.r) | (byte(c.g) << 8) | (byte(c.b) << 16);
+        const auto byte = [](float v) { return static_cast<Lanes>(std::min(255.0F, std::max(0.0F, v)) + 0.5F); };
+        base.texels[static_cast<std::size_t>(y * w + x)] = byte(c.r) | (byte(c.b) << 16) | (byte(c.g) << 32);
       }
     }
     levels_.push_back(std::move(base));
@@ -189,12 +183,12 @@ class Texture {
       const Level& from = levels_.back();
       w /= 2;
       h /= 2;
-      Level to{w - 1, h - 1, w, from.scale * 0.5F, std::vector<std::uint32_t>(static_cast<std::size_t>(w * h))};
+      Level to{w - 1, h - 1, w, from.scale * 0.5F, std::vector<Lanes>(static_cast<std::size_t>(w * h))};
       for (int y = 0; y < h; ++y) {
         for (int x = 0; x < w; ++x) {
-          const std::uint32_t* p = from.texels.data() + static_cast<std::ptrdiff_t>(2 * y) * from.width + 2 * x;
-          const Lanes sum = to_lanes(p[0]) + to_lanes(p[1]) + to_lanes(p[from.width]) + to_lanes(p[from.width + 1]);
-          to.texels[static_cast<std::size_t>(y * w + x)] = from_lanes(((sum + 0x0002000200020002ULL) >> 2) & kLaneMask);
+          const Lanes* p = from.texels.data() + static_cast<std::ptrdiff_t>(2 * y) * from.width + 2 * x;
+          const Lanes sum = p[0] + p[1] + p[from.width] + p[from.width + 1];
+          to.texels[static_cast<std::size_t>(y * w + x)] = ((sum + 0x0002000200020002ULL) >> 2) & kLaneMask;
         }
       }
       levels_.push_back(std::move(to));
@@ -219,7 +213,7 @@ class Texture {
     int mask_y;
     int width;
     float scale;
-    std::vector<std::uint32_t> texels;
+    std::vector<Lanes> texels;
   };
   static Lanes bilinear(const Level& l, float s, float t) {
     // centres of texels lie at half numbers; one period is added so that the integer part is a truncation
@@ -227,11 +221,11 @@ class Texture {
     const int y = static_cast<int>(t * l.scale * 256.0F) + (l.mask_y + 1) * 256 - 128;
     const int x0 = (x >> 8) & l.mask_x;
     const int x1 = (x0 + 1) & l.mask_x;
-    const std::uint32_t* r0 = l.texels.data() + static_cast<std::ptrdiff_t>((y >> 8) & l.mask_y) * l.width;
-    const std::uint32_t* r1 = l.texels.data() + static_cast<std::ptrdiff_t>(((y >> 8) + 1) & l.mask_y) * l.width;
+    const Lanes* r0 = l.texels.data() + static_cast<std::ptrdiff_t>((y >> 8) & l.mask_y) * l.width;
+    const Lanes* r1 = l.texels.data() + static_cast<std::ptrdiff_t>(((y >> 8) + 1) & l.mask_y) * l.width;
     const auto fx = static_cast<unsigned>(x & 255);
     const auto fy = static_cast<unsigned>(y & 255);
-    return mix_lanes(mix_lanes(to_lanes(r0[x0]), to_lanes(r0[x1]), fx), mix_lanes(to_lanes(r1[x0]), to_lanes(r1[x1]), fx), fy);
+    return mix_lanes(mix_lanes(r0[x0], r0[x1], fx), mix_lanes(r1[x0], r1[x1], fx), fy);
   }
   std::vector<Level> levels_;
 };
