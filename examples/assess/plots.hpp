@@ -48,8 +48,8 @@ inline json plot_reliability(const std::filesystem::path& file, const Runs& runs
     points.push_back({b.mean_score, b.event_share, static_cast<double>(b.count)});
   }
   track::Gnuplot g(file, 760, 640, 11);
-  g("set title 'how often the feature tracker failed at a given S_final'; set grid lc rgb '#dddddd'; set key top left");
-  g("set xlabel '1 - S_final'; set ylabel 'share of failed frames'; set y2label 'frames'; set y2tics; set ytics "
+  g("set title 'how often the feature tracker failed at a given S_final' noenhanced; set grid lc rgb '#dddddd'; set key top center");
+  g("set xlabel '1 - S_final' noenhanced; set ylabel 'share of failed frames'; set y2label 'frames'; set y2tics; set ytics "
     "nomirror");
   g("set y2range [0:*]; set boxwidth 0.05; set style fill solid 0.3");
   g("plot [0:1][0:1] '-' using 1:3 axes x1y2 with boxes lc rgb '#bbbbbb' title 'frames', "
