@@ -15,6 +15,7 @@
 #include <apso/math/se3.hpp>
 #include <apso/testing/synthetic_limb.hpp>
 #include <apso/testing/synthetic_scene.hpp>
+#include <apso/testing/synthetic_texture.hpp>
 #include <apso/testing/synthetic_walker.hpp>
 #include <apso/types/image_view.hpp>
 #include <apso/types/pinhole.hpp>
