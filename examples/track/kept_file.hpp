@@ -77,19 +77,22 @@ class KeptFile {
 
   /// The whole words of `bytes`, mixed into a sum. Four sums side by side: none waits for the multiplication of another.
   static std::uint64_t checksum(std::uint64_t sum, const unsigned char* bytes, std::size_t count) {
-    const auto mix = [](std::uint64_t& to, const unsigned char* from) {
-      std::uint64_t word = 0;
-      std::memcpy(&word, from, sizeof word);
+    const auto mix = [](std::uint64_t& to, std::uint64_t word) {
       to = (to ^ word) * 0x9E3779B97F4A7C15ULL;
       to ^= to >> 32;
+    };
+    const auto word = [bytes](std::size_t k) {
+      std::uint64_t w = 0;
+      std::memcpy(&w, bytes + k, sizeof w);
+      return w;
     };
     std::array<std::uint64_t, 4> sums{sum, sum + 1, sum + 2, sum + 3};
     std::size_t k = 0;
     for (; k + 32 <= count; k += 32) {
-      for (std::size_t i = 0; i < 4; ++i) mix(sums[i], bytes + k + 8 * i);
+      for (std::size_t i = 0; i < 4; ++i) mix(sums[i], word(k + 8 * i));
     }
-    for (; k + 8 <= count; k += 8) mix(sums[0], bytes + k);
-    for (std::size_t i = 1; i < 4; ++i) mix(sums[0], reinterpret_cast<const unsigned char*>(&sums[i]));
+    for (; k + 8 <= count; k += 8) mix(sums[0], word(k));
+    for (std::size_t i = 1; i < 4; ++i) mix(sums[0], sums[i]);
     return sums[0];
   }
 

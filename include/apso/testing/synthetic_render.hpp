@@ -27,7 +27,7 @@ namespace testing {
 struct Canvas3d {
   Image<float> inverse_depth;    ///< [1/m], 0 where nothing is seen
   Image<std::uint16_t> surface;  ///< see above
-  Image<Lanes> colour;
+  Image<Lanes> colour;           ///< 0 where nothing is seen
 };
 
 /// Draws faces and limbs by casting one ray through each pixel they may cover.
