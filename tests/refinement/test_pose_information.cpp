@@ -237,7 +237,7 @@ TEST_CASE("more noise of the image makes a pose less certain") {
 }
 
 TEST_CASE("the same furniture with other pictures on the walls is another place: never called good") {
-  for (std::uint64_t seed = 100; seed < 116; ++seed) {
+  for (unsigned seed = 100; seed < 116; ++seed) {
     CAPTURE(seed);
     testing::SyntheticOptions o;
     o.width = 320;

@@ -22,21 +22,25 @@ float read_first_level(const AnyFrame& frame, const DepthRange& range, Rows& int
   const int w = frame.intensity().width();
   const Lanes lowest = std::max(range.min, 1e-6F);
   const Lanes highest = range.max;
-  const auto read = [w](const AnyImage& image, int y, float* out) {
-    if (const float* row = image.row_in_place(y)) std::copy(row, row + w, out);
-    else image.read_row(y, out, 1);
+  // The row where it lies, if whole lanes can be read there; else its copy in `room`.
+  const auto read = [w](const AnyImage& image, int y, float* room) -> const float* {
+    const float* row = image.row_in_place(y);
+    if (row != nullptr && w % kLanes == 0) return row;
+    if (row != nullptr) std::copy(row, row + w, room);
+    else image.read_row(y, room, 1);
+    return room;
   };
   Lanes bad = 0.0F;
   for (int y = y0; y < y1; ++y) {
     float* i = intensity.row(y);
     float* z = depth.row(y);
-    read(frame.intensity(), y, i);
-    read(frame.depth(), y, z);
+    const float* from_i = read(frame.intensity(), y, i);
+    const float* from_z = read(frame.depth(), y, z);
     std::fill(i + w, i + w + Plane::kPad, 0.0F);
     for (int x = 0; x < w; x += kLanes) {
-      const Lanes metres = Lanes::load(z + x);
+      const Lanes metres = Lanes::load(from_z + x);
       select((metres >= lowest) & (metres <= highest), metres, 0.0F).store(z + x);
-      const Lanes grey = Lanes::load(i + x);
+      const Lanes grey = Lanes::load(from_i + x);
       const Mask ok = abs(grey) <= Lanes(1e6F);  // false for NaN and inf
       bad += select(ok, 0.0F, 1.0F);
       select(ok, grey, 0.0F).store(i + x);

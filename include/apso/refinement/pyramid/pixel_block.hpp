@@ -3,6 +3,8 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
+#include <cstring>
 
 #include <apso/config.hpp>
 #include <apso/math/lanes/lanes.hpp>
@@ -24,12 +26,12 @@ struct BlockSource {
 /// What is read of kLanes pixels and of their neighbours to the left, right, up and down.
 struct PixelSurroundings {
   enum Quantity { kU, kV, kI, kIl, kIr, kIu, kId, kZ, kZl, kZr, kZu, kZd, kTwoAway, kGamma, kQuantities };
-  Lanes of[kQuantities];  ///< kTwoAway: the least depth two pixels away
+  static constexpr int kReach = 2;  ///< neighbours are looked at that far away [px]
+  Lanes of[kQuantities];            ///< kTwoAway: the least depth two pixels away
   const Lanes& operator[](Quantity q) const { return of[q]; }
 
   /// Of pixels side by side, the first of which is (x, y).
   void load(const BlockSource& in, int x, int y) {
-    constexpr float kSteps[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
     const auto intensity = [&](int dx, int dy) { return Lanes::load(in.intensity.row(y + dy) + x + dx); };
     const auto depth = [&](int dx, int dy) { return Lanes::load(in.depth.row(y + dy) + x + dx); };
     of[kU] = Lanes::load(kSteps) + static_cast<float>(x);
@@ -47,34 +49,60 @@ struct PixelSurroundings {
     of[kTwoAway] = min(min(depth(-2, 0), depth(2, 0)), min(depth(0, -2), depth(0, 2)));
     of[kGamma] = in.gamma.empty() ? Lanes(1.0F) : Lanes::load(in.gamma.row(y) + x);
   }
-  /// Of n <= kLanes pixels anywhere, y << 16 | x each; the other lanes become 0.
+  /// Of n <= kLanes pixels anywhere, y << 16 | x each; the other lanes become 0. Reads kLanes of them.
   void gather(const BlockSource& in, const int* found, int n) {
-    float each[kQuantities][kLanes] = {};
-    for (int i = 0; i < n; ++i) {
-      const int x = found[i] & 0xFFFF;
-      const int y = found[i] >> 16;
-      const float* I = in.intensity.row(y) + x;
-      const float* Z = in.depth.row(y) + x;
-      each[kU][i] = static_cast<float>(x);
-      each[kV][i] = static_cast<float>(y);
-      each[kI][i] = *I;
-      each[kIl][i] = I[-1];
-      each[kIr][i] = I[1];
-      each[kIu][i] = in.intensity.row(y - 1)[x];
-      each[kId][i] = in.intensity.row(y + 1)[x];
-      each[kZ][i] = *Z;
-      each[kZl][i] = Z[-1];
-      each[kZr][i] = Z[1];
-      each[kZu][i] = in.depth.row(y - 1)[x];
-      each[kZd][i] = in.depth.row(y + 1)[x];
-      each[kTwoAway][i] = std::min(std::min(Z[-2], Z[2]), std::min(in.depth.row(y - 2)[x], in.depth.row(y + 2)[x]));
-      each[kGamma][i] = in.gamma.empty() ? 1.0F : in.gamma.row(y)[x];
-    }
-    for (int q = 0; q < kQuantities; ++q) of[q] = Lanes::load(each[q]);
+    const Mask used = Lanes::load(kSteps) < Lanes(static_cast<float>(n));
+    IntLanes at;
+    std::memcpy(&at.v, found, sizeof at.v);
+    at = (at & used) | (all(kReach << 16 | kReach) & !used);  // any pixel that has all neighbours
+    of[kU] = to_float(at & all(0xFFFF));
+    of[kV] = to_float(halves(at));
+    const auto stride = static_cast<int>(in.depth.row(1) - in.depth.row(0));  // all planes are of one size
+    // of the pixel two to the left of and two above each
+    const IntLanes corner =
+        to_int(of[kV] * Lanes(static_cast<float>(stride)) + of[kU] - Lanes(static_cast<float>(kReach * stride + kReach)));
+    const float* I = in.intensity.row(kReach) + kReach;
+    const float* Z = in.depth.row(kReach) + kReach;
+    const Quad i = load_quads(I - 1, corner);
+    of[kIl] = i.c[0];
+    of[kI] = i.c[1];
+    of[kIr] = i.c[2];
+    of[kIu] = load_quads(I - stride, corner).c[0];
+    of[kId] = load_quads(I + stride, corner).c[0];
+    const Quad z = load_quads(Z - 1, corner);
+    of[kZl] = z.c[0];
+    of[kZ] = z.c[1];
+    of[kZr] = z.c[2];
+    of[kZu] = load_quads(Z - stride, corner).c[0];
+    of[kZd] = load_quads(Z + stride, corner).c[0];
+    of[kTwoAway] = min(min(load_quads(Z - 2, corner).c[0], z.c[3]),
+                       min(load_quads(Z - 2 * stride, corner).c[0], load_quads(Z + 2 * stride, corner).c[0]));
+    of[kGamma] = in.gamma.empty() ? Lanes(1.0F) : load_quads(in.gamma.row(kReach) + kReach, corner).c[0];
+    for (Lanes& q : of) q = select(used, q, 0.0F);
+  }
+
+ private:
+  static constexpr float kSteps[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+  static APSO_INLINE IntLanes all(std::int32_t v) {
+    std::int32_t each[kLanes];
+    std::fill(each, each + kLanes, v);
+    IntLanes n;
+    std::memcpy(&n.v, each, sizeof n.v);
+    return n;
+  }
+  // the upper 16 bits of each
+  static APSO_INLINE IntLanes halves(const IntLanes& n) {
+    IntLanes r;
+#if defined(__GNUC__)
+    r.v = n.v >> 16;
+#else
+    for (int i = 0; i < kLanes; ++i) r.v[i] = n.v[i] >> 16;
+#endif
+    return r;
   }
 };
 
-/// All quantities of the pixels found[0 .. n), y << 16 | x each, n <= kBlock; the rest of the block becomes 0.
+/// All quantities of the pixels found[0 .. n), y << 16 | x each, n <= kBlock; reads kBlock of them. The rest of the block becomes 0.
 inline void fill_block(float* block, const int* found, int n, const BlockSource& in) {
   using P = PixelList;
   using S = PixelSurroundings;

@@ -60,7 +60,7 @@ class PixelSelector {
     const int side = out.tile_side / b;  // cells
     const auto per_tile = static_cast<std::size_t>(side * side);
     out.tiles.resize(static_cast<std::size_t>(out.columns) * static_cast<std::size_t>(out.rows));
-    found_.resize(out.tiles.size() * per_tile);
+    found_.resize(out.tiles.size() * per_tile + PixelList::kBlock);  // whole blocks are read
     prepare_cells(w, b);
     const Bands bands(out.rows, out.tile_side * w, 512);
     top_.resize(w, bands.count());
@@ -77,9 +77,12 @@ class PixelSelector {
           }
           float* top = top_.row(band);
           best_of_columns(intensity, depth, gamma, y0, std::min(y0 + b, h), b, top);
-          for (int i = 0; i * b < w; ++i) {
-            const int place = best_of_cell(top, w, b, y0, i);
-            if (place >= 0) found[i / side * side * side + tiles[i / side].count++] = place;
+          for (int tx = 0; tx < out.columns; ++tx) {
+            int* to = found + tx * side * side;
+            for (int i = tx * side; i < (tx + 1) * side && i * b < w; ++i) {
+              const int place = best_of_cell(top, w, b, y0, i);
+              if (place >= 0) to[tiles[tx].count++] = place;
+            }
           }
         }
       }
@@ -123,7 +126,7 @@ class PixelSelector {
   }
 
  private:
-  static constexpr int kBorder = 2;  // pixels at the border are not chosen, as neighbours two away are looked at [px]
+  static constexpr int kBorder = PixelSurroundings::kReach;  // pixels at the border are not chosen
 
   // The place of a pixel in its cell is kept in the last bits of its score, so that the best of a cell is a maximum of
   // floats. `column_` holds what each column adds, `place_` the pixel for each number; the first of equal ones wins.

@@ -30,7 +30,7 @@ struct Repetition {
 /// Searches the shifts along the plane that fits the view for which the detail of the reference is found in the current image once more.
 /// A pattern that repeats every 5 to 10 pixels of some level is found at that level, so few shifts are tried at each, larger ones only at
 /// the smallest. Detail is what sets an image off from one a quarter of its size; the hundred pixels that have most of it are compared,
-/// and most shifts are given up after the first of them (sequential similarity detection, Barnea and Silverman, IEEE Trans. Computers
+/// and most shifts are given up after a sixth of them (sequential similarity detection, Barnea and Silverman, IEEE Trans. Computers
 /// 1972). In rooms nothing is found. Deterministic; allocates nothing.
 class RepetitionSearch {
  public:
@@ -65,6 +65,7 @@ class RepetitionSearch {
   static constexpr int kSmallest = 32;             // narrowest image that is searched [px]
   static constexpr int kRadius = 10;               // of the shifts at each level [px]
   static constexpr int kRows = 21, kColumns = 41;  // of the map of likeness: half of a plane of shifts
+  static constexpr std::size_t kOfTile = 8;        // least number of pixels of a tile that are looked at, if it has so many
   static constexpr int kSamples = 96, kFirst = 16;
   static constexpr int kEnough = 24;               // samples that both images must show
   static constexpr float kHopeless = 0.3F;         // correlation of the first samples below which a shift is given up
@@ -77,6 +78,47 @@ class RepetitionSearch {
     float detail, x, y, z;
   };
 
+  // Pixels of some tiles, in lanes.
+  struct Candidates {
+    static constexpr std::size_t kMostOfTile = 2 * kOfTile, kRoom = 8 * kMostOfTile;
+    alignas(64) float intensity[kRoom] = {}, x[kRoom] = {}, y[kRoom] = {}, z[kRoom] = {}, detail[kRoom];
+    std::array<std::size_t, kRoom> ends;  // of each tile
+    std::size_t count = 0, tiles = 0;
+
+    void add(float i, float X, float Y, float Z) {
+      intensity[count] = i;
+      x[count] = X;
+      y[count] = Y;
+      z[count++] = Z;
+    }
+    void end_tile() { ends[tiles++] = count; }
+    [[nodiscard]] bool full() const { return count + kMostOfTile > kRoom || tiles == ends.size(); }
+  };
+
+  // Appends the candidate of each tile with most detail to the n samples; returns how many there are then.
+  std::size_t best_of_tiles(Candidates& c, const PyramidLevel& reference, const Plane& coarser, std::size_t n) {
+    const Pinhole& camera = reference.camera;
+    const Lanes fx = static_cast<float>(camera.fx), fy = static_cast<float>(camera.fy);
+    const Lanes cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
+    for (std::size_t i = 0; i < c.count; i += kLanes) {
+      const Lanes Z = Lanes::load(c.z + i);
+      const Lanes iz = 1.0F / select(Z > Lanes(0.0F), Z, 1.0F);
+      const Lanes u = fx * Lanes::load(c.x + i) * iz + cx;
+      const Lanes v = fy * Lanes::load(c.y + i) * iz + cy;
+      (Lanes::load(c.intensity + i) - smaller(coarser, u, v)).store(c.detail + i);
+    }
+    std::size_t i = 0;
+    for (std::size_t tile = 0; tile < c.tiles && n < all_.size(); ++tile) {
+      std::size_t best = i;
+      for (; i < c.ends[tile]; ++i) {
+        if (std::abs(c.detail[i]) > std::abs(c.detail[best])) best = i;
+      }
+      if (best < c.ends[tile] && std::abs(c.detail[best]) > kLeastDetail) all_[n++] = {c.detail[best], c.x[best], c.y[best], c.z[best]};
+    }
+    c.count = c.tiles = 0;
+    return n;
+  }
+
   // The pixels of the reference with most detail, one of a tile, as they lie in the current camera, and the plane that fits them.
   // False where there is no texture.
   bool take(const PyramidLevel& reference, const PyramidLevel& reference_coarser, int halvings, const PyramidLevel& current,
@@ -86,21 +128,17 @@ class RepetitionSearch {
     current_ = &current;
     coarser_ = &current_coarser;
     shrink_ = 1.0F / static_cast<float>(1 << halvings);
-    const auto fx = static_cast<float>(reference.camera.fx), fy = static_cast<float>(reference.camera.fy);
-    const auto cx = static_cast<float>(reference.camera.cx), cy = static_cast<float>(reference.camera.cy);
     std::size_t n = 0;
+    Candidates candidates;
     for (const PixelList::Tile& tile : list.tiles) {
-      Sample best{};
-      const int step = std::max(1, tile.count / kOfTile);
-      for (int k = step / 2; k < tile.count && n < all_.size(); k += step) {
+      const int step = std::max(1, tile.count / static_cast<int>(kOfTile));
+      for (int k = step / 2; k < tile.count; k += step) {
         const auto at = [&](PixelList::Field f) { return list.at(tile.begin + k / PixelList::kBlock, f, k % PixelList::kBlock); };
         if (!(at(PixelList::kGamma) > 0) || at(PixelList::kGradient2) < 0) continue;
-        const float z = at(PixelList::kZ);
-        const float detail = at(PixelList::kIntensity) -
-                             smaller(reference_coarser.intensity, fx * at(PixelList::kX) / z + cx, fy * at(PixelList::kY) / z + cy);
-        if (std::abs(detail) > std::abs(best.detail)) best = {detail, at(PixelList::kX), at(PixelList::kY), z};
+        candidates.add(at(PixelList::kIntensity), at(PixelList::kX), at(PixelList::kY), at(PixelList::kZ));
       }
-      if (n < all_.size() && std::abs(best.detail) > kLeastDetail) all_[n++] = best;
+      candidates.end_tile();
+      if (candidates.full() || &tile == &list.tiles.back()) n = best_of_tiles(candidates, reference, reference_coarser.intensity, n);
     }
     if (n < kEnough) return false;
     const std::size_t used = std::min<std::size_t>(n, kSamples);
@@ -202,15 +240,14 @@ class RepetitionSearch {
       Lanes Z;
       const Lanes fine = look_up(*current_, u, v, Z);
       Lanes unused;
-      const auto side = [](int pixels) { return Lanes(static_cast<float>(pixels) - 1.001F); };
-      const Lanes b = fine - look_up(*coarser_, min(max(shrink_ * (u + 0.5F) - 0.5F, zero), side(coarser_->camera.width)),
-                                     min(max(shrink_ * (v + 0.5F) - 0.5F, zero), side(coarser_->camera.height)), unused);
+      const Lanes b = fine - look_up(*coarser_, within(shrink_ * (u + 0.5F) - 0.5F, coarser_->camera.width),
+                                     within(shrink_ * (v + 0.5F) - 0.5F, coarser_->camera.height), unused);
       const Mask same = inside & ((Z <= zero) | (abs(Z - z) < kDepthTolerance * z));
       ab += select(same, a * b, 0.0F);
       aa += select(inside, a * a, 0.0F);
       bb += select(inside, b * b, 0.0F);
       n += select(inside, 1.0F, 0.0F);
-      if (i + kLanes == kFirst && !correlates(ab.sum(), aa.sum(), bb.sum(), kHopeless)) return 0;
+      if ((i + kLanes) % kFirst == 0 && !correlates(ab.sum(), aa.sum(), bb.sum(), kHopeless)) return 0;
     }
     if (!(n.sum() >= kEnough) || !correlates(ab.sum(), aa.sum(), bb.sum(), kHopeless)) return 0;
     return ab.sum() / std::sqrt(aa.sum() * bb.sum());
@@ -235,19 +272,26 @@ class RepetitionSearch {
     return upper + b * (lower - upper);
   }
   // The same of the smaller image of the reference, at a place of the larger one.
-  [[nodiscard]] float smaller(const Plane& image, float u, float v) const {
-    const float x = std::clamp(shrink_ * (u + 0.5F) - 0.5F, 0.0F, static_cast<float>(image.width()) - 1.001F);
-    const float y = std::clamp(shrink_ * (v + 0.5F) - 0.5F, 0.0F, static_cast<float>(image.height()) - 1.001F);
-    const auto i = static_cast<int>(x), j = static_cast<int>(y);
-    const float a = x - static_cast<float>(i), b = y - static_cast<float>(j);
-    const float* p = image.row(j) + i;
-    const float* q = image.row(j + 1) + i;
-    return (1 - b) * (p[0] + a * (p[1] - p[0])) + b * (q[0] + a * (q[1] - q[0]));
+  [[nodiscard]] APSO_INLINE Lanes smaller(const Plane& image, const Lanes& u, const Lanes& v) const {
+    const Lanes x = within(shrink_ * (u + 0.5F) - 0.5F, image.width());
+    const Lanes y = within(shrink_ * (v + 0.5F) - 0.5F, image.height());
+    const Lanes left = to_float(to_int(x)), top = to_float(to_int(y));
+    const Lanes a = x - left, b = y - top;
+    const auto row = static_cast<int>(image.row(1) - image.row(0));
+    const IntLanes offset = to_int(top * Lanes(static_cast<float>(row)) + left);
+    const Quad p = load_quads(image.row(0), offset);  // two of the four are used
+    const Quad q = load_quads(image.row(1), offset);
+    const Lanes upper = p.c[0] + a * (p.c[1] - p.c[0]);
+    const Lanes lower = q.c[0] + a * (q.c[1] - q.c[0]);
+    return upper + b * (lower - upper);
+  }
+  // A place that can be interpolated at, in an image of so many pixels across.
+  static APSO_INLINE Lanes within(const Lanes& place, int pixels) {
+    return min(max(place, Lanes(0.0F)), Lanes(static_cast<float>(pixels) - 1.001F));
   }
 
   static constexpr float kNear = 0.1F;          // samples nearer than this are out of view [m]
   static constexpr float kLeastDetail = 0.01F;  // 2.5 grey values of 255: less is noise
-  static constexpr int kOfTile = 8;             // pixels of a tile that are looked at
 
   std::array<Sample, 512> all_{};
   alignas(64) float detail_[kSamples] = {};
