@@ -93,6 +93,7 @@ class NoiseRef {
     Lanes* s2 = out.s2;
     for (const float* end = block + blocks * PixelList::kFields * PixelList::kBlock; block != end;
          block += PixelList::kFields * PixelList::kBlock) {
+      PixelList::prefetch(block);
       for (int at = 0; at < PixelList::kBlock; at += kLanes, ++to, s2 += 2) {
         WarpedLanes o;
         warper.warp(noise, block, at, o);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include <apso/config.hpp>
@@ -48,6 +49,14 @@ struct PixelList {
   [[nodiscard]] int blocks() const { return tiles.empty() ? 0 : tiles.back().end; }
   [[nodiscard]] float* block(int i) { return data.data() + static_cast<std::ptrdiff_t>(i) * kFields * kBlock; }
   [[nodiscard]] const float* block(int i) const { return data.data() + static_cast<std::ptrdiff_t>(i) * kFields * kBlock; }
+  /// Has a block some blocks further on brought near: processors do that by themselves within a page of memory only.
+  static void prefetch([[maybe_unused]] const float* block) {
+#if defined(__GNUC__)
+    constexpr std::uintptr_t kAhead = 5, kLine = 64, kBytes = kFields * kBlock * sizeof(float);
+    const auto there = reinterpret_cast<std::uintptr_t>(block) + kAhead * kBytes;  // maybe beyond the end, which does no harm
+    for (std::uintptr_t line = 0; line < kBytes; line += kLine) __builtin_prefetch(reinterpret_cast<const void*>(there + line));
+#endif
+  }
   /// One quantity of one pixel of a block.
   [[nodiscard]] float at(int block_index, Field f, int i) const { return block(block_index)[f * kBlock + i]; }
 };
