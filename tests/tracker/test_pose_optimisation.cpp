@@ -284,3 +284,39 @@ TEST_CASE("a keyframe that is forgotten between others keeps its place until the
   CHECK(map.keyframe(2).timestamp == 2);
   CHECK(map.living_keyframes() == 2);
 }
+
+TEST_CASE("an adjustment that takes the newest keyframe elsewhere is refused, and its matches go") {
+  const auto seen_from = [](double x) {  // the same points, by a camera so far to the right
+    FeatureSet features;
+    std::mt19937_64 random(7);
+    std::uniform_real_distribution<double> u(100, 540), v(100, 380), z(1.5, 3);
+    for (int i = 0; i < 60; ++i) {
+      const double depth = z(random);
+      const auto left = static_cast<float>(u(random) - kCamera.fx * x / depth);
+      features.keypoints.push_back({left, static_cast<float>(v(random)), 1, 0, 0});
+      features.descriptors.push_back(Descriptor{});
+      features.inverse_depth.push_back(static_cast<float>(1 / depth));
+      features.inverse_depth_sigma.push_back(0.003F);
+    }
+    return features;
+  };
+  const auto x_after_adjustment = [&](double by_matches, double trusted, LocalMap& map) {
+    const int a = map.add_keyframe(0, identity_pose(), seen_from(0));
+    const int b = map.add_keyframe(1, make_pose(Eigen::Matrix3d::Identity(), {trusted, 0, 0}), seen_from(by_matches));
+    for (int i = 0; i < 60; ++i) map.add_view(map.add_landmark(kCamera, a, i, 0), b, i);
+    PassMarks marks;
+    AdjustmentBuffers buffers;
+    adjust_last_keyframes(kCamera, Octaves{}, 5, map, marks, buffers);
+    return translation(map.keyframe(b).T_world_camera).x();
+  };
+  LocalMap agrees;
+  CHECK(x_after_adjustment(0.05, 0.03, agrees) == doctest::Approx(0.05).epsilon(0.02));
+  CHECK(agrees.landmark(0).views.size() == 2);
+  LocalMap elsewhere;
+  CHECK(x_after_adjustment(0.5, 0.03, elsewhere) == 0.03);
+  CHECK(elsewhere.living_landmarks() == 60);
+  for (const MapLandmark& l : elsewhere.landmarks()) {
+    CHECK(l.views.size() == 1);
+    CHECK(l.views[0].keyframe == 0);
+  }
+}

@@ -85,8 +85,12 @@ inline int new_keyframe(const Pinhole& camera, const WeightedFeatures& features,
 /// say less than if they were independent. With 1 they bend the path, 2 and 3 measure alike (docs/tracker.md).
 inline constexpr double kSharedDepthError = 2;
 
+/// Motion of the newest keyframe [m, rad] from which on an adjustment is refused. What tracked the frame has placed it within a few
+/// centimetres; few or wrong matches may take it metres away (docs/tracker.md).
+inline constexpr double kMostMoved = 0.1;
+
 /// Refines the last keyframes and what they see; keyframes outside the window that see the same stay fixed. The map stays as
-/// it is when the adjustment fails.
+/// it is when the adjustment fails. When it takes the newest keyframe elsewhere, that one no longer counts as a view of what others see.
 /// \param window how many keyframes are refined
 inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves, int window, LocalMap& map, PassMarks& marks,
                                   AdjustmentBuffers& buffers) {
@@ -131,7 +135,15 @@ inline void adjust_last_keyframes(const Pinhole& camera, const Octaves& octaves,
     problem.points.push_back(point);
   }
   if (!anchored) problem.fixed[refined - 1] = 1;
+  const Pose T_newest_world = problem.T_camera_world.front();
   if (!succeeded(adjust_window(camera, problem, buffers, kIterations).status)) return;
+  const Pose moved = compose(problem.T_camera_world.front(), inverse(T_newest_world));
+  if (norm(translation(moved)) > kMostMoved || rotation_angle(moved) > kMostMoved) {
+    const std::vector<int> seen = map.keyframe(keyframe_of.front()).landmark;
+    for (int l : seen)
+      if (l >= 0 && map.landmark(l).views.size() > 1) map.remove_view(l, keyframe_of.front());
+    return;
+  }
   for (std::size_t i = 0; i < keyframe_of.size(); ++i)
     if (!problem.fixed[i]) map.keyframe(keyframe_of[i]).T_world_camera = inverse(problem.T_camera_world[i]);
   for (std::size_t i = 0; i < points.size(); ++i) {
