@@ -1,4 +1,6 @@
 // The types of tests/foreign_types.hpp conform, and what their converters say of an image is what the library reads.
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -53,6 +55,23 @@ TEST_CASE("foreign images conform and are read as their converters say") {
   const foreign::AtOnly grey = foreign::at_only(ramp(1.0F / 255));
   CHECK(testing::check_image_type(grey, [](int x, int y) { return 9 * y + x; }).text() == "");
   CHECK(read(as_intensity(grey)) == read_native(foreign::native(grey)));
+}
+
+TEST_CASE("rows of any width are converted to their ends") {  // in blocks of 32 and what is left
+  for (const int width : {31, 32, 33, 64, 75}) {
+    CAPTURE(width);
+    foreign::PaddedU16 image;
+    image.columns = width;
+    image.lines = 3;
+    image.stride = static_cast<std::size_t>(width) + 5;
+    for (std::size_t i = 0; i < 3 * image.stride; ++i) image.buffer.push_back(static_cast<std::uint16_t>(7 * i + 1));
+    const std::vector<float> all = read(scaled(image, 0.25F));  // exact
+    REQUIRE(all.size() == static_cast<std::size_t>(3 * width));
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const std::size_t y = i / static_cast<std::size_t>(width), x = i % static_cast<std::size_t>(width);
+      CHECK(all[i] == static_cast<float>(7 * (y * image.stride + x) + 1) / 4);
+    }
+  }
 }
 
 TEST_CASE("foreign poses conform") {

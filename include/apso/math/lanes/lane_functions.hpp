@@ -3,10 +3,34 @@
 /// number and for several.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+
 #include <apso/config.hpp>
 #include <apso/math/lanes/lanes.hpp>
 
 APSO_NAMESPACE_BEGIN
+
+/// The number in all lanes.
+[[nodiscard]] APSO_INLINE IntLanes all_lanes(std::int32_t v) {
+  std::int32_t each[kLanes];
+  std::fill(each, each + kLanes, v);
+  IntLanes n;
+  std::memcpy(&n.v, each, sizeof n.v);
+  return n;
+}
+
+/// The upper 16 bits of each.
+[[nodiscard]] APSO_INLINE IntLanes upper_halves(const IntLanes& n) {
+  IntLanes r;
+#if defined(__GNUC__)
+  r.v = n.v >> 16;
+#else
+  for (int i = 0; i < kLanes; ++i) r.v[i] = n.v[i] >> 16;
+#endif
+  return r;
+}
 
 /// Square root of 0 and of normal numbers, within 3e-7 relative: 1/sqrt from the halved exponent, and Newton's steps
 /// (std::sqrt sets errno, which keeps compilers from using the vector instruction).

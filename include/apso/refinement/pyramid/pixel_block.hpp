@@ -3,10 +3,10 @@
 #pragma once
 
 #include <algorithm>
-#include <cstdint>
 #include <cstring>
 
 #include <apso/config.hpp>
+#include <apso/math/lanes/lane_functions.hpp>
 #include <apso/math/lanes/lanes.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/plane.hpp>
@@ -54,9 +54,9 @@ struct PixelSurroundings {
     const Mask used = Lanes::load(kSteps) < Lanes(static_cast<float>(n));
     IntLanes at;
     std::memcpy(&at.v, found, sizeof at.v);
-    at = (at & used) | (all(kReach << 16 | kReach) & !used);  // any pixel that has all neighbours
-    of[kU] = to_float(at & all(0xFFFF));
-    of[kV] = to_float(halves(at));
+    at = (at & used) | (all_lanes(kReach << 16 | kReach) & !used);  // any pixel that has all neighbours
+    of[kU] = to_float(at & all_lanes(0xFFFF));
+    of[kV] = to_float(upper_halves(at));
     const auto stride = static_cast<int>(in.depth.row(1) - in.depth.row(0));  // all planes are of one size
     // of the pixel two to the left of and two above each
     const IntLanes corner =
@@ -83,23 +83,6 @@ struct PixelSurroundings {
 
  private:
   static constexpr float kSteps[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-  static APSO_INLINE IntLanes all(std::int32_t v) {
-    std::int32_t each[kLanes];
-    std::fill(each, each + kLanes, v);
-    IntLanes n;
-    std::memcpy(&n.v, each, sizeof n.v);
-    return n;
-  }
-  // the upper 16 bits of each
-  static APSO_INLINE IntLanes halves(const IntLanes& n) {
-    IntLanes r;
-#if defined(__GNUC__)
-    r.v = n.v >> 16;
-#else
-    for (int i = 0; i < kLanes; ++i) r.v[i] = n.v[i] >> 16;
-#endif
-    return r;
-  }
 };
 
 /// All quantities of the pixels found[0 .. n), y << 16 | x each, n <= kBlock; reads kBlock of them. The rest of the block becomes 0.

@@ -10,6 +10,7 @@
 
 #include <apso/config.hpp>
 #include <apso/executor.hpp>
+#include <apso/math/lanes/lane_functions.hpp>
 #include <apso/math/lanes/lanes.hpp>
 #include <apso/refinement/pyramid/pixel_block.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
@@ -162,14 +163,7 @@ class PixelSelector {
     const int w = intensity.width();
     const int h = intensity.height();
     std::fill(top, top + w, 0.0F);
-    const auto all = [](std::int32_t v) {
-      std::int32_t each[kLanes];
-      std::fill(each, each + kLanes, v);
-      IntLanes n;
-      std::memcpy(&n.v, each, sizeof n.v);
-      return n;
-    };
-    const IntLanes keep = all(-bits_);  // bits_ is a power of 2: all but the last bits
+    const IntLanes keep = all_lanes(-bits_);  // bits_ is a power of 2: all but the last bits
     for (int y = std::max(y0, kBorder); y < std::min(y1, h - kBorder); ++y) {
       const float* I = intensity.row(y);
       const float* Ia = intensity.row(y - 1);
@@ -178,7 +172,7 @@ class PixelSelector {
       const float* Za = depth.row(y - 1);
       const float* Zb = depth.row(y + 1);
       const float* G = gamma.empty() ? nullptr : gamma.row(y);
-      const IntLanes row = all((b - 1 - (y - y0)) * b);
+      const IntLanes row = all_lanes((b - 1 - (y - y0)) * b);
       for (int x = 0; x < w; x += kLanes) {
         const Lanes gx = Lanes::load(I + x + 1) - Lanes::load(I + x - 1);
         const Lanes gy = Lanes::load(Ib + x) - Lanes::load(Ia + x);

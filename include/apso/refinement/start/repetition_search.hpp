@@ -66,9 +66,9 @@ class RepetitionSearch {
   static constexpr int kRadius = 10;               // of the shifts at each level [px]
   static constexpr int kRows = 21, kColumns = 41;  // of the map of likeness: half of a plane of shifts
   static constexpr std::size_t kOfTile = 8;        // least number of pixels of a tile that are looked at, if it has so many
-  static constexpr int kSamples = 96, kFirst = 16;
+  static constexpr int kSamples = 96, kAtOnce = 16;
   static constexpr int kEnough = 24;               // samples that both images must show
-  static constexpr float kHopeless = 0.3F;         // correlation of the first samples below which a shift is given up
+  static constexpr float kHopeless = 0.3F;         // correlation of those seen so far below which a shift is given up
   static constexpr float kValley = 0.85F;          // highest likeness half way to a repetition, as a share of its own
   static constexpr float kFar = 0.3F;              // off the likeness of a shift by the width of the image: it leaves less to compare
   static constexpr float kAlike = 0.6F;            // share of the correlation of the pose that was found
@@ -138,8 +138,9 @@ class RepetitionSearch {
         candidates.add(at(PixelList::kIntensity), at(PixelList::kX), at(PixelList::kY), at(PixelList::kZ));
       }
       candidates.end_tile();
-      if (candidates.full() || &tile == &list.tiles.back()) n = best_of_tiles(candidates, reference, reference_coarser.intensity, n);
+      if (candidates.full()) n = best_of_tiles(candidates, reference, reference_coarser.intensity, n);
     }
+    n = best_of_tiles(candidates, reference, reference_coarser.intensity, n);
     if (n < kEnough) return false;
     const std::size_t used = std::min<std::size_t>(n, kSamples);
     std::partial_sort(all_.begin(), all_.begin() + static_cast<std::ptrdiff_t>(used), all_.begin() + static_cast<std::ptrdiff_t>(n),
@@ -247,9 +248,9 @@ class RepetitionSearch {
       aa += select(inside, a * a, 0.0F);
       bb += select(inside, b * b, 0.0F);
       n += select(inside, 1.0F, 0.0F);
-      if ((i + kLanes) % kFirst == 0 && !correlates(ab.sum(), aa.sum(), bb.sum(), kHopeless)) return 0;
+      if ((i + kLanes) % kAtOnce == 0 && !correlates(ab.sum(), aa.sum(), bb.sum(), kHopeless)) return 0;
     }
-    if (!(n.sum() >= kEnough) || !correlates(ab.sum(), aa.sum(), bb.sum(), kHopeless)) return 0;
+    if (!(n.sum() >= kEnough)) return 0;
     return ab.sum() / std::sqrt(aa.sum() * bb.sum());
   }
   static bool correlates(float ab, float aa, float bb, float least) { return ab > 0 && ab * ab > least * least * aa * bb; }
