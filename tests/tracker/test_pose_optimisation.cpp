@@ -80,6 +80,32 @@ TEST_CASE("the residual's derivative agrees with differences") {
   }
 }
 
+TEST_CASE("the information of a pose that was found elsewhere says how large its error is, and does not ask the outliers") {
+  const Pose truth = some_pose();
+  std::vector<PointObservation> all = scene(truth, 200, 0.8, 0.2, true);
+  const PoseOptimisation found = optimise_pose(kCamera, all, truth);
+  REQUIRE(succeeded(found.status));
+  const Matrix6 known = pose_information(kCamera, all, found.T_world_camera);
+  std::vector<PointObservation> inliers;
+  for (const PointObservation& o : all) {
+    if (o.inlier) inliers.push_back(o);
+  }
+  REQUIRE(inliers.size() < 170);
+  CHECK(pose_information(kCamera, inliers, found.T_world_camera) == known);
+  for (int i = 0; i < 6; ++i) {  // the kernel takes some of the weight that the last rounds give
+    CHECK(known(i, i) > 0.4 * found.information(i, i));
+    CHECK(known(i, i) < 1.0 * found.information(i, i));
+  }
+  const Twist error = se3_log(inverse(found.T_world_camera) * truth);
+  CHECK(error.dot(known * error) < 16.8);  // 99 % of a chi-square with six degrees of freedom
+
+  inliers.resize(kMinPoseInliers - 1);
+  CHECK(pose_information(kCamera, inliers, truth) == Matrix6::Zero());
+  Pose broken = truth;
+  broken.matrix()(0, 3) = std::nan("");
+  CHECK(pose_information(kCamera, all, broken) == Matrix6::Zero());
+}
+
 TEST_CASE("a point behind the camera has no residual") {
   Eigen::Vector3d r;
   CHECK_FALSE(point_residual(kCamera, PointObservation{}, Eigen::Vector3d(0, 0, -1), r));

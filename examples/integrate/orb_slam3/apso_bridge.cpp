@@ -17,6 +17,7 @@
 #include <apso/observation/policies/geometric_motion.hpp>
 #include <apso/pipeline/pipeline.hpp>
 #include <apso/tracker/landmark_tracker_options.hpp>
+#include <apso/tracker/solvers/pose_optimisation.hpp>
 #include <apso/tracker/track_motion.hpp>
 #include <apso/traits/frame.hpp>
 
@@ -76,6 +77,7 @@ struct ApsoBridge {
   void follow(const double* T_world_camera_previous);
   void list_matches(const ApsoBridgeKeypoint* list, int count);
   void add_bodies();
+  [[nodiscard]] apso::Matrix6 information(const ApsoBridgeKeypoint* list, int count, const apso::Pose& T_world_feature);
 
   bool own_thread;
   apso::Pinhole camera;
@@ -87,6 +89,7 @@ struct ApsoBridge {
   apso::TrackMotion motion;  // since the frame before, by the tracks
   int followed = 0;          // tracks that agree with T_world_predicted
   std::vector<apso::Keypoint> keypoints;
+  std::vector<apso::PointObservation> observations;
   std::vector<apso::PointTrack> tracks;
   std::unordered_map<long long, apso::PointTrack> seen;  // by point_id, of the last frame
   std::unordered_map<long long, apso::PointTrack> now;
@@ -124,6 +127,25 @@ void ApsoBridge::add_bodies() {
       }
     }
   }
+}
+
+// How well the pose of the host is known by its matches.
+apso::Matrix6 ApsoBridge::information(const ApsoBridgeKeypoint* list, int count, const apso::Pose& T_world_feature) {
+  const apso::LandmarkTrackerOptions standard;
+  observations.clear();
+  for (int i = 0; i < count; ++i) {
+    const ApsoBridgeKeypoint& k = list[i];
+    if (k.point_id < 0) continue;
+    apso::PointObservation o;
+    for (int a = 0; a < 3; ++a) o.point(a) = static_cast<double>(k.point[a]);
+    o.u = static_cast<double>(k.x);
+    o.v = static_cast<double>(k.y);
+    o.inverse_depth = k.depth > 0 ? 1 / static_cast<double>(k.depth) : 0.0;
+    o.sigma = static_cast<double>(k.sigma);
+    o.inverse_depth_sigma = standard.inverse_depth_sigma;
+    observations.push_back(o);
+  }
+  return apso::pose_information(camera, observations, T_world_feature);
 }
 
 void ApsoBridge::list_matches(const ApsoBridgeKeypoint* list, int count) {
@@ -165,7 +187,7 @@ extern "C" {
 
 ApsoBridge* apso_bridge_create(double fx, double fy, double cx, double cy, int width, int height, const ApsoBridgeOptions* options) {
   try {
-    const ApsoBridgeOptions standard{APSO_REFINE_BAD, 1};
+    const ApsoBridgeOptions standard{APSO_REFINE_EVERY, 1};
     return new ApsoBridge(apso::Pinhole{fx, fy, cx, cy, width, height}, options != nullptr ? *options : standard);
   } catch (const std::exception&) {
     return nullptr;
@@ -225,7 +247,9 @@ int apso_bridge_conclude(ApsoBridge* b, const ApsoBridgeKeypoint* keypoints, int
     b->times.remembered = 0;
     b->list_matches(keypoints, count);
     const apso::Pose T_world_feature = tracking_ok ? pose(T_world_camera_tracked) : b->T_world_predicted;
-    const apso::Assessment& a = b->pipeline.assess(b->keypoints, b->tracks, {T_world_feature, b->T_world_predicted, tracking_ok != 0});
+    apso::FeaturePose<> feature{T_world_feature, b->T_world_predicted, tracking_ok != 0};
+    if (tracking_ok) feature.information = b->information(keypoints, count, T_world_feature);
+    const apso::Assessment& a = b->pipeline.assess(b->keypoints, b->tracks, feature);
     const bool kept = tracking_ok && a.state != apso::SceneState::Bad && apso::is_rigid(T_world_feature) &&
                       b->pipeline.options().refine != apso::RefinedFrames::Every;
     if (kept && b->own_thread) {  // nothing will change the pose: the rest is to remember the frame

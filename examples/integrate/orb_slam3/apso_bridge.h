@@ -21,7 +21,7 @@ typedef struct ApsoBridge ApsoBridge;
 enum { APSO_REFINE_NONE = 0, APSO_REFINE_BAD = 1, APSO_REFINE_EVERY = 2 };
 
 typedef struct {
-  int refine;     /* APSO_REFINE_BAD: GOOD frames keep the pose of the host, whose map and bundle adjustment are its own */
+  int refine;     /* APSO_REFINE_EVERY; with APSO_REFINE_BAD GOOD frames keep the pose of the host */
   int own_thread; /* 1: GOOD frames are remembered beside the work of the host; 0: within apso_bridge_conclude() */
 } ApsoBridgeOptions;
 
@@ -30,7 +30,10 @@ typedef struct {
   float response; /* of the detector, >= 0 */
   float angle;    /* [deg], [0, 360) */
   int octave;
+  float depth;        /* [m]; 0: none */
+  float sigma;        /* of x and y [px] */
   long long point_id; /* of the map point it was matched to as an inlier; -1: none */
+  float point[3];     /* that map point, in the world [m] */
 } ApsoBridgeKeypoint;
 
 typedef struct {
@@ -63,7 +66,7 @@ enum { APSO_POINT_UNKNOWN = 0, APSO_POINT_PRESENT = 1, APSO_POINT_GONE = 2, APSO
    the frame is not known. */
 typedef int (*ApsoBridgePoseOf)(void* context, double timestamp, double* T_world_camera);
 
-/* fx, fy, cx, cy [px] of the rectified camera. options: null for APSO_REFINE_BAD, with an own thread. Returns null when something is
+/* fx, fy, cx, cy [px] of the rectified camera. options: null for APSO_REFINE_EVERY, with an own thread. Returns null when something is
    wrong with them. */
 ApsoBridge* apso_bridge_create(double fx, double fy, double cx, double cy, int width, int height, const ApsoBridgeOptions* options);
 void apso_bridge_destroy(ApsoBridge* bridge);

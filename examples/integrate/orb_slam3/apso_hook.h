@@ -21,10 +21,10 @@
 #include "apso_bridge.h"
 
 struct ApsoHookOptions {
-  int refine = APSO_REFINE_BAD;  // which frames direct alignment refines: APSO_REFINE_NONE, _BAD or _EVERY
-  bool own_thread = true;        // what moves is found beside the extraction of ORB features
-  int corners = 400;             // so many are followed for that; 0: by depth alone
-  bool drop_moved = true;        // map points that lie on something that begins to move are taken out of the map
+  int refine = APSO_REFINE_EVERY;  // which frames direct alignment refines: APSO_REFINE_NONE, _BAD or _EVERY
+  bool own_thread = true;          // what moves is found beside the extraction of ORB features
+  int corners = 400;               // so many are followed for that; 0: by depth alone
+  bool drop_moved = true;          // map points that lie on something that begins to move are taken out of the map
 };
 
 class ApsoHook {
@@ -56,7 +56,7 @@ class ApsoHook {
     depth_ = depth;
     mask_ = mask;
     timestamp_ = timestamp;
-    if (!records_.empty()) Check(apso_bridge_correct(bridge_, &ApsoHook::PoseOf, this));
+    FollowMap();
     WriteInverse(Prediction(), predicted_);
     has_previous_ = last_ok_ && !records_.empty();
     if (has_previous_) {
@@ -116,8 +116,12 @@ class ApsoHook {
       const cv::KeyPoint& k = frame.mvKeysUn[i];
       const bool matched = ok && frame.mvpMapPoints[i] && !frame.mvbOutlier[i];
       matches += matched ? 1 : 0;
-      keypoints_.push_back({k.pt.x, k.pt.y, k.response, k.angle < 0 ? 0.0F : k.angle, k.octave,
-                            matched ? static_cast<long long>(frame.mvpMapPoints[i]->mnId) : -1});
+      keypoints_.push_back({k.pt.x, k.pt.y, k.response, k.angle < 0 ? 0.0F : k.angle, k.octave, frame.mvDepth[i],
+                            frame.mvScaleFactors[static_cast<std::size_t>(k.octave)], -1, {0, 0, 0}});
+      if (!matched) continue;
+      const Eigen::Vector3f p = frame.mvpMapPoints[i]->GetWorldPos();
+      keypoints_.back().point_id = static_cast<long long>(frame.mvpMapPoints[i]->mnId);
+      std::copy(p.data(), p.data() + 3, keypoints_.back().point);
     }
     // A few matches, or fewer than there are corners, that contradict the corners are on something that moves, or wrong.
     const bool outnumbered = followed_count_ > 0 && matches < std::max(kFewMatches, followed_count_);
@@ -134,7 +138,10 @@ class ApsoHook {
       frame.SetPose(ReadInverse(predicted_));
       report_.pose_ok = 1;
     }
+    keyframe_needed_ = false;
+    if (!repaired_) alone_ = 0;
     frames_on_corners_ = by_corners_ ? frames_on_corners_ + 1 : 0;
+    if (!ok && !report_.refined) ++chain_;
     if (repaired_) {  // the matches that failed; the points are searched again
       Forget(frame);
       for (MapPoint* point : local) {
@@ -173,7 +180,10 @@ class ApsoHook {
       Forget(frame);
       frame.SetPose(T_direct);
     }
-    report_.keyframe_allowed = Holds(frame) && agree && (report_.confidence >= kSureConfidence || by_corners_) ? 1 : 0;
+    const bool sure = report_.confidence >= kSureConfidence;
+    alone_ = agree ? 0 : alone_ + 1;
+    keyframe_needed_ = options_.refine == APSO_REFINE_EVERY && alone_ >= kFramesAlone && sure && Holds(frame);
+    report_.keyframe_allowed = keyframe_needed_ || (agree && Holds(frame) && (sure || by_corners_)) ? 1 : 0;
     if (agree) frames_on_corners_ = 0;
     if (!records_.empty()) records_.pop_back();
     Record(frame, true);
@@ -181,6 +191,28 @@ class ApsoHook {
 
   // First line of NeedNewKeyFrame(): the map must not learn from a BAD frame.
   bool KeyframeAllowed() const { return report_.keyframe_allowed != 0; }
+  // The line after it: direct alignment alone has carried some frames, and the map has nothing to be found by where the camera is now.
+  bool KeyframeNeeded() const { return keyframe_needed_; }
+  // In CreateNewKeyFrame(): the pose that the frame was given. Between two keyframes of the same chain the motion was measured.
+  template <class KeyFrame>
+  void Measured(KeyFrame& keyframe) {
+    keyframe.mTcwMeasured = keyframe.GetPose();
+    keyframe.mnMeasured = chain_;
+    if (!keyframe_needed_ || records_.empty()) return;
+    // shares no map point with another one: it hangs on the last in the spanning tree until it does
+    KeyFrame* before = static_cast<KeyFrame*>(records_.back().reference);
+    while (before && before->isBad()) before = before->GetParent();
+    if (before && before != &keyframe) keyframe.ChangeParent(before);
+    alone_ = 0;
+  }
+  // In Track(), where the way from the reference keyframe to the frame is kept for the trajectory: by what was measured since the
+  // keyframe was made, and not since the adjustment has moved it.
+  template <class Frame>
+  Sophus::SE3f FromReference(const Frame& frame) const {
+    const auto reference = frame.mpReferenceKF;
+    const bool measured = reference->mnMeasured == chain_;
+    return frame.GetPose() * (measured ? reference->mTcwMeasured : reference->GetPose()).inverse();
+  }
   // When the map begins anew. Loops, merged maps and bundle adjustment need no call: poses are followed by their keyframes.
   void Reset() {
     Wait();
@@ -188,6 +220,9 @@ class ApsoHook {
     records_.clear();
     moved_.clear();
     frames_on_corners_ = 0;
+    alone_ = 0;
+    keyframe_needed_ = false;
+    ++chain_;
     report_ = ApsoBridgeReport();
     report_.keyframe_allowed = 1;
   }
@@ -205,6 +240,7 @@ class ApsoHook {
  private:
   static constexpr double kSureConfidence = 0.75;  // as in apso's pipeline
   static constexpr int kFramesOnCorners = 15;      // in a row, as in apso's tracker: errors add up
+  static constexpr int kFramesAlone = 5;           // with a direct pose and no match, in a row, before a keyframe is made of one
   static constexpr int kFewMatches = 100;          // as many close points as ORB-SLAM3 wants to track
   static constexpr int kEnoughMatches = 300;       // with so many the map can do without a keyframe
   static constexpr int kKeyframeKeypoints = 500;   // of a keyframe of a BAD frame, as ORB-SLAM3 asks of the first of a map
@@ -219,6 +255,7 @@ class ApsoHook {
     void* reference;
     Sophus::SE3f (*pose)(const Recorded&, bool*);
     Sophus::SE3f T_camera_reference;
+    Sophus::SE3f T_camera_world;  // when it was set
   };
 
   // A keyframe of few keypoints is moved about by the bundle adjustment.
@@ -301,7 +338,7 @@ class ApsoHook {
   }
   template <class KeyFrame>
   void Keep(KeyFrame* reference, const Sophus::SE3f& Tcw) {
-    records_.push_back({timestamp_, reference, &ApsoHook::PoseNow<KeyFrame>, Tcw * reference->GetPose().inverse()});
+    records_.push_back({timestamp_, reference, &ApsoHook::PoseNow<KeyFrame>, Tcw * reference->GetPose().inverse(), Tcw});
   }
   template <class Frame>
   void Record(const Frame& frame, bool ok) {
@@ -318,6 +355,17 @@ class ApsoHook {
     const Sophus::SE3f Tcw = r->pose(*r, &known);
     if (known) WriteInverse(Tcw, T_world_camera);
     return known ? 1 : 0;
+  }
+  // A loop or a merge moves the map, and apso's memory with it. The small steps of a local bundle adjustment do not: they are less
+  // exact than the poses that apso remembers, which the features join in every frame.
+  void FollowMap() {
+    if (records_.empty()) return;
+    bool known = false;
+    const Sophus::SE3f Tcw = records_.back().pose(records_.back(), &known);
+    if (!known || Near(Tcw, records_.back().T_camera_world)) return;
+    Check(apso_bridge_correct(bridge_, &ApsoHook::PoseOf, this));
+    records_.back().T_camera_world = Tcw;
+    ++chain_;
   }
   // Constant velocity; the last pose that was set where there is none.
   Sophus::SE3f Prediction() const {
@@ -425,6 +473,9 @@ class ApsoHook {
   bool by_corners_ = false;  // the pose is that of the corners
   int followed_count_ = 0;   // corners that agree with predicted_
   int frames_on_corners_ = 0;
+  int alone_ = 0;  // frames in a row that the direct pose, or corners, have carried without the map
+  bool keyframe_needed_ = false;
+  int chain_ = 1;  // of measurements; the next begins where there was no pose, and where the map was moved
   bool last_ok_ = false;
   bool moving_on_ = false;
   std::deque<Recorded> records_;  // oldest first

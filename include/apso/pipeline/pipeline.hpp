@@ -97,8 +97,8 @@ struct FeaturePose {
                                                                 ///< S_inn at 1
   bool ok = false;                                              ///< feature tracking succeeded
   Matrix6 information = zeros<Matrix6>();  ///< of T_world_feature, for the increment d of T_camera_world <- Exp(d) T_camera_world,
-                                           ///< translation first [1/m^2, 1/rad^2]: the normal matrix of the pose optimisation;
-                                           ///< zero = not known, and so is one that is not finite
+                                           ///< translation first [1/m^2, 1/rad^2]: the normal matrix of the pose optimisation,
+                                           ///< or pose_information() of the matches; zero = not known, and so is one that is not finite
   int matches = -1;  ///< points of the map, or of an earlier frame, that agree with T_world_feature; -1 = not known. A pose of fewer
                      ///< than kEnoughMatches lowers S_feature, so that a frame without any is not GOOD
 };
@@ -163,8 +163,10 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   template <class Executor = SerialExecutor>
   const Report& conclude(const Executor& executor = {});
 
-  /// Takes over what the back end of the host has changed since: bundle adjustment, a loop that was closed, maps that were joined.
-  /// Memory goes on in the map as it is now. Before observe(): a frame that is not concluded by then is abandoned.
+  /// Takes over what the back end of the host has changed since: a loop that was closed, maps that were joined, a large step of a bundle
+  /// adjustment. Memory goes on in the map as it is now. Its small steps are better not followed: the poses that are remembered are the
+  /// more exact ones, and the features join them in every frame (docs/tracker.md, docs/integrate/orb_slam3.md have figures).
+  /// Before observe(): a frame that is not concluded by then is abandoned.
   /// \param pose_of of a timestamp and the pose of that frame so far (PoseT): its pose now, as std::optional<PoseT>. It is asked for the
   ///                latest frame, and for those that the refiner remembers if it has `correct` (see Refiner::correct()). A frame for
   ///                which it returns nullopt moves along with the latest one, and so does all that is not asked for.

@@ -21,10 +21,16 @@ class KeyFrame {
   void SetPose(const Sophus::SE3f& Tcw) { mTcw = Tcw; }
   bool isBad() { return mbBad; }
   KeyFrame* GetParent() { return mpParent; }
+  void ChangeParent(KeyFrame* pKF) { mpParent = pKF; }
+  long unsigned int mnId = 0;
   Sophus::SE3f mTcp;  // from the parent, once it is bad
   Sophus::SE3f mTcw;
   KeyFrame* mpParent = nullptr;
   bool mbBad = false;
+  // [measured]
+  Sophus::SE3f mTcwMeasured;  // +apso
+  int mnMeasured = 0;         // +apso
+  // [/measured]
 };
 
 class MapPoint {
@@ -69,6 +75,7 @@ class Frame {
   int N = 0;
   std::vector<cv::KeyPoint> mvKeys, mvKeysUn;
   std::vector<float> mvuRight, mvDepth;
+  std::vector<float> mvScaleFactors;
   cv::Mat mDescriptors;
   std::vector<MapPoint*> mvpMapPoints;
   std::vector<bool> mvbOutlier;

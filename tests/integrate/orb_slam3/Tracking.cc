@@ -67,6 +67,10 @@ void Tracking::Track() {
       mbVelocity = false;
     }
     if (NeedNewKeyFrame()) CreateNewKeyFrame();
+    // [relative]
+    Sophus::SE3f Tcr_ = mpApso->FromReference(mCurrentFrame);  // +apso
+    // [/relative]
+    mlRelativeFramePoses.push_back(Tcr_);
   }
   mLastFrame = mCurrentFrame;
 }
@@ -74,9 +78,10 @@ void Tracking::Track() {
 // [keyframe]
 bool Tracking::NeedNewKeyFrame() {
   if (!mpApso->KeyframeAllowed()) return false;  // +apso
+  if (mpApso->KeyframeNeeded()) return true;     // +apso
   // ...
   // [/keyframe]
-  return true;  // the double would take every frame
+  return mbPlayedKeyframe;
 }
 
 // [reset]
@@ -97,8 +102,13 @@ void Tracking::CreateMapInAtlas() {
 
 void Tracking::CreateNewKeyFrame() {
   mKeyFrames.emplace_back();
-  mKeyFrames.back().SetPose(mCurrentFrame.GetPose());
-  mpReferenceKF = &mKeyFrames.back();
+  KeyFrame* pKF = &mKeyFrames.back();
+  pKF->mnId = mKeyFrames.size() - 1;
+  pKF->SetPose(mCurrentFrame.GetPose());
+  // [keyframe_made]
+  mpApso->Measured(*pKF);  // +apso
+  // [/keyframe_made]
+  mpReferenceKF = pKF;
   mCurrentFrame.mpReferenceKF = mpReferenceKF;
 }
 
@@ -130,6 +140,7 @@ void Tracking::BuildFrame(const cv::Mat& imDepth, double timestamp) {
   const Sophus::SE3f Twc = mPlayedPose.inverse();
   if (mMap.empty()) {  // the map of the first frame: a grid of points with depth
     mKeyFrames.emplace_back();
+    mKeyFrames.back().mnId = mKeyFrames.size() - 1;
     mKeyFrames.back().SetPose(mPlayedPose);
     mpReferenceKF = &mKeyFrames.back();
     mvpLocalMapPoints.clear();
@@ -148,6 +159,7 @@ void Tracking::BuildFrame(const cv::Mat& imDepth, double timestamp) {
   Frame F;
   F.mTimeStamp = timestamp;
   F.mnId = mLastFrame.mnId + 1;
+  F.mvScaleFactors = {1.0F};
   F.mnMaxX = mWidth;
   F.mnMaxY = mHeight;
   for (MapPoint& p : mMap) {

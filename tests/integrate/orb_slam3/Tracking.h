@@ -3,6 +3,7 @@
 #pragma once
 
 #include <deque>
+#include <list>
 #include <memory>
 #include <string>
 #include <vector>
@@ -38,6 +39,7 @@ class Tracking {
   Atlas* mpAtlas = &mAtlas;
   KeyFrame* mpReferenceKF = nullptr;
   std::vector<MapPoint*> mvpLocalMapPoints;
+  std::list<Sophus::SE3f> mlRelativeFramePoses;
 
   // played by the test: what the tracker finds in this frame
   Sophus::SE3f mPlayedPose;
@@ -45,6 +47,7 @@ class Tracking {
   float mPlayedResponse = 30;
   int mnPlayedMatches = 1 << 30;  // so many inliers at most
   int mnPlayedKeypoints = 1 << 30;
+  bool mbPlayedKeyframe = true;   // it wants a keyframe of each frame that may be one
   bool mbPlayedRetry = false;     // the features are found when they are looked for near the true pose
   std::deque<MapPoint> mMap;
   std::deque<KeyFrame> mKeyFrames;

@@ -3,6 +3,7 @@
 
 static_assert(__cplusplus < 201703L, "this file has to be compiled as C++14");
 
+#include "Optimizer.cc"
 #include "Tracking.cc"
 
 namespace {
@@ -45,10 +46,37 @@ void move_map(Tracking& t, float shift, Sophus::SE3f& moved) {
   for (ORB_SLAM3::MapPoint& p : t.mMap) p.mWorldPos = T * p.mWorldPos;
   moved = T * moved;
 }
+void write(const Sophus::SE3f& T, float* rows) {
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) rows[4 * i + j] = T.rotationMatrix()(i, j);
+    rows[4 * i + 3] = T.translation()(i);
+  }
+}
+void list_edges(Tracking& t, const std::vector<int>& frame_of, HostMap* map) {
+  std::list<ORB_SLAM3::KeyFrame*> local;
+  std::list<ORB_SLAM3::KeyFrame*> fixed;
+  for (ORB_SLAM3::KeyFrame& k : t.mKeyFrames) (k.mnId % 2 == 0 ? fixed : local).push_front(&k);
+  g2o::SparseOptimizer optimizer;
+  ORB_SLAM3::Optimizer::LocalBundleAdjustment(local, fixed, optimizer);
+  map->edges_count = 0;
+  for (const auto& edge : optimizer.edges) {
+    if (map->edges_count == map->edges_room) break;
+    HostEdge& e = map->edges[map->edges_count++];
+    for (int i = 0; i < 2; ++i) {
+      e.keyframes[i] = edge->vertices[i]->id;
+      e.frames[i] = frame_of[static_cast<std::size_t>(edge->vertices[i]->id)];
+    }
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) e.measured[4 * i + j] = static_cast<float>(edge->measurement.R(i, j));
+      e.measured[4 * i + 3] = static_cast<float>(edge->measurement.t(i));
+    }
+    e.sigma = 1 / std::sqrt(edge->information(0, 0));
+  }
+}
 }  // namespace
 
-int run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostPoint* points,
-             int room, int refine) {
+void run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostMap* map,
+              int refine) {
   Eigen::Matrix3f K = Eigen::Matrix3f::Identity();
   K(0, 0) = K(1, 1) = f;
   K(0, 2) = cx;
@@ -61,10 +89,15 @@ int run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, 
   }
   Sophus::SE3f T_map;
   int hidden = 0;
+  std::vector<int> frame_of;  // of each keyframe
   for (int k = 0; k < count; ++k) {
     const PlayedFrame& p = frames[k];
     if (p.new_map) tracking.CreateMapInAtlas();
     if (p.map_shift != 0) move_map(tracking, p.map_shift, T_map);
+    if (p.adjusted != 0) {
+      ORB_SLAM3::KeyFrame& newest = tracking.mKeyFrames.back();
+      newest.SetPose(newest.GetPose() * Sophus::SE3f(Eigen::Quaternionf::Identity(), Eigen::Vector3f(-p.adjusted, 0, 0)));
+    }
     Eigen::Matrix3f R;
     Eigen::Vector3f t;
     for (int i = 0; i < 3; ++i) {
@@ -74,17 +107,20 @@ int run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, 
     tracking.mPlayedPose = Sophus::SE3f(Eigen::Quaternionf(R).normalized(), t) * T_map.inverse();
     tracking.mPlayedResponse = p.response;
     tracking.mbPlayedOK = p.ok != 0;
+    tracking.mbPlayedKeyframe = p.no_keyframe == 0;
     tracking.mbPlayedRetry = p.retry != 0;
     tracking.mnPlayedMatches = p.matches > 0 ? p.matches : 1 << 30;
     tracking.mnPlayedKeypoints = p.keypoints > 0 ? p.keypoints : 1 << 30;
     const cv::Mat rgb(height, width, CV_8UC3, const_cast<unsigned char*>(p.rgb));
     const cv::Mat depth(height, width, CV_32F, const_cast<float*>(p.depth));
     const Sophus::SE3f Tcw = tracking.GrabImageRGBD(rgb, depth, p.timestamp, "") * T_map;
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) out[k].pose[4 * i + j] = Tcw.rotationMatrix()(i, j);
-      out[k].pose[4 * i + 3] = Tcw.translation()(i);
-    }
+    write(Tcw, out[k].pose);
     hidden += tracking.mnBuilt - tracking.mCurrentFrame.N;
+    frame_of.resize(tracking.mKeyFrames.size(), k);
+    if (!tracking.mlRelativeFramePoses.empty()) write(tracking.mlRelativeFramePoses.back(), out[k].relative);
+    out[k].reference = frame_of[static_cast<std::size_t>(tracking.mpReferenceKF->mnId)];
+    ORB_SLAM3::KeyFrame* parent = tracking.mKeyFrames.back().GetParent();
+    out[k].parent = parent ? frame_of[static_cast<std::size_t>(parent->mnId)] : -1;
     out[k].keyframes = static_cast<int>(tracking.mKeyFrames.size());
     out[k].hidden = hidden;
     out[k].consistent = consistent(tracking.mCurrentFrame) ? 1 : 0;
@@ -95,11 +131,11 @@ int run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, 
     out[k].dropped = tracking.mpApso->Dropped();
     out[k].observed_ms = tracking.mpApso->Times().observed;
   }
-  int n = 0;
+  map->points_count = 0;
   for (ORB_SLAM3::MapPoint& p : tracking.mMap) {
-    if (n == room) break;
+    if (map->points_count == map->points_room) break;
     const Eigen::Vector3f x = T_map.inverse() * p.GetWorldPos();
-    points[n++] = {{x.x(), x.y(), x.z()}, p.isBad() ? 1 : 0};
+    map->points[map->points_count++] = {{x.x(), x.y(), x.z()}, p.isBad() ? 1 : 0};
   }
-  return n;
+  list_edges(tracking, frame_of, map);
 }

@@ -13,6 +13,8 @@ struct PlayedFrame {
   int new_map;               // before this frame, the map begins anew
   int matches;               // inliers at most; 0: all
   int keypoints;             // at most; 0: all
+  int no_keyframe;           // the host wants none of it
+  float adjusted;            // before this frame, an adjustment moves the newest keyframe along x by this [m]
 };
 struct HostResult {
   float pose[12];  // T_camera_world that GrabImageRGBD returned
@@ -22,6 +24,9 @@ struct HostResult {
   int on_mask;     // keypoints of the frame that lie on the mask
   int refined;
   int tracking;        // mState is OK
+  float relative[12];  // T_frame_reference, as it is kept for the trajectory
+  int reference;       // the frame of that keyframe
+  int parent;          // of the newest keyframe: its frame, -1: none
   int retries;         // so far
   int dropped;         // map points, so far
   double observed_ms;  // time of the first stage
@@ -30,7 +35,22 @@ struct HostPoint {
   float position[3];
   int bad;  // the hook has taken it out of the map
 };
+struct HostEdge {
+  int keyframes[2];    // their numbers
+  int frames[2];       // the frames that they are made of
+  float measured[12];  // T_1_0
+  double sigma;        // of each component [m, rad]
+};
+// At the end. The lists have room for so many; their lengths are told.
+struct HostMap {
+  HostPoint* points;
+  int points_room;
+  int points_count;
+  HostEdge* edges;  // of a bundle adjustment of all keyframes, those of even numbers fixed
+  int edges_room;
+  int edges_count;
+};
 
-// refine: APSO_REFINE_*. points: of the map at the end, at most `room` of them; their number is returned.
-int run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostPoint* points,
-             int room, int refine);
+// refine: APSO_REFINE_*
+void run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostMap* map,
+              int refine);

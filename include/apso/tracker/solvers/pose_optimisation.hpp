@@ -196,6 +196,18 @@ inline PoseEquations pose_equations(const Pinhole& camera, const std::vector<Poi
 }
 }  // namespace detail
 
+/// Information of a pose that somebody else has found from these observations: of the twist that multiplies T_camera_world from the
+/// left, as in PoseOptimisation. Those marked as inliers count, each the less the worse it fits. Zero for fewer than kMinPoseInliers.
+[[nodiscard]] inline Matrix6 pose_information(const Pinhole& camera, const std::vector<PointObservation>& observations,
+                                              const Pose& T_world_camera) {
+  const auto inliers = std::count_if(observations.begin(), observations.end(), [](const PointObservation& o) { return o.inlier; });
+  if (inliers < kMinPoseInliers || !is_finite(T_world_camera)) return zeros<Matrix6>();
+  const Pose T_camera_world = inverse(T_world_camera);
+  std::vector<float> scratch;
+  const double scale = pixel_noise_scale(camera, observations, T_camera_world, scratch);
+  return detail::pose_equations(camera, observations, T_camera_world, 1 / scale, true).H;
+}
+
 /// Pose that minimises the robust cost of the observations, starting at T_world_camera.
 ///
 /// The kernel is Geman-McClure with the 95 % chi-square points as bounds: what is far off at the start has no pull.
