@@ -205,12 +205,12 @@ class ApsoHook {
     if (before && before != &keyframe) keyframe.ChangeParent(before);
     alone_ = 0;
   }
-  // In Track(), where the way from the reference keyframe to the frame is kept for the trajectory: by what was measured since the
-  // keyframe was made, and not since the adjustment has moved it.
+  // In Track(), where the way from the reference keyframe to the frame is kept for the trajectory: by what was measured since a
+  // recent keyframe was made, and not since the adjustment has moved it.
   template <class Frame>
   Sophus::SE3f FromReference(const Frame& frame) const {
     const auto reference = frame.mpReferenceKF;
-    const bool measured = reference->mnMeasured == chain_;
+    const bool measured = reference->mnMeasured == chain_ && timestamp_ - reference->mTimeStamp < kMeasured;
     return frame.GetPose() * (measured ? reference->mTcwMeasured : reference->GetPose()).inverse();
   }
   // When the map begins anew. Loops, merged maps and bundle adjustment need no call: poses are followed by their keyframes.
@@ -247,6 +247,7 @@ class ApsoHook {
   static constexpr int kMatchesThatAgree = 15;     // half of what ORB-SLAM3 asks of points alone
   static constexpr float kRoundTrip = 1;           // largest distance after going there and back [px]
   static constexpr int kGone = 3;                  // frames by which a point must have been seen gone more often than present
+  static constexpr double kMeasured = 2;           // how long what was measured since a keyframe is more exact than the map [s]
   static constexpr double kRecorded = 20;          // how long the way back to the keyframe of a pose is kept [s]
 
   // A pose as ORB-SLAM3 keeps it: relative to a keyframe, which moves with the map.

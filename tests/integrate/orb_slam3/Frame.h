@@ -23,6 +23,7 @@ class KeyFrame {
   KeyFrame* GetParent() { return mpParent; }
   void ChangeParent(KeyFrame* pKF) { mpParent = pKF; }
   long unsigned int mnId = 0;
+  double mTimeStamp = 0;
   Sophus::SE3f mTcp;  // from the parent, once it is bad
   Sophus::SE3f mTcw;
   KeyFrame* mpParent = nullptr;

@@ -104,6 +104,7 @@ void Tracking::CreateNewKeyFrame() {
   mKeyFrames.emplace_back();
   KeyFrame* pKF = &mKeyFrames.back();
   pKF->mnId = mKeyFrames.size() - 1;
+  pKF->mTimeStamp = mCurrentFrame.mTimeStamp;
   pKF->SetPose(mCurrentFrame.GetPose());
   // [keyframe_made]
   mpApso->Measured(*pKF);  // +apso
