@@ -176,11 +176,9 @@ class ApsoHook {
     for (std::size_t i = 0; i < frame.mvpMapPoints.size(); ++i) inliers += frame.mvpMapPoints[i] && !frame.mvbOutlier[i] ? 1 : 0;
     // an alignment, or tracks, and a bundle of points that mean the same place: fewer points will do than alone
     const bool agree = (ok || inliers >= kMatchesThatAgree) && Near(frame.GetPose(), T_direct);
-    if (!agree) {
-      Forget(frame);
-      frame.SetPose(T_direct);
-    }
     const bool sure = report_.confidence >= kSureConfidence;
+    if (!agree) Forget(frame);
+    if (!agree || (sure && inliers < kFewMatches)) frame.SetPose(T_direct);  // the more exact one, where points are few
     alone_ = agree ? 0 : alone_ + 1;
     keyframe_needed_ = options_.refine == APSO_REFINE_EVERY && alone_ >= kFramesAlone && sure && Holds(frame);
     report_.keyframe_allowed = keyframe_needed_ || (agree && Holds(frame) && (sure || by_corners_)) ? 1 : 0;

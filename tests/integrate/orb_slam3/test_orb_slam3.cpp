@@ -52,7 +52,7 @@ struct Recording {
     played[kBad].response = played[kLost].response = 0;
     played[kLost].ok = 0;
   }
-  [[nodiscard]] std::vector<HostResult> run(int refine = APSO_REFINE_BAD) {
+  [[nodiscard]] std::vector<HostResult> run(int refine = APSO_REFINE_BAD) {  // most tests: a GOOD frame keeps the pose it is given
     std::vector<HostResult> out(frames.size());
     const Pinhole c = sequence.camera();
     map.resize(10000);
@@ -167,6 +167,22 @@ TEST_CASE("without features and direct pose the followed corners carry the frame
   CHECK(r[kFirst + 14].tracking == 1);
   CHECK(recording.error(r[kFirst + 14].pose, kFirst + 14) < 0.08);
   CHECK(r[kFirst + 15].tracking == 0);
+}
+
+TEST_CASE("where few points are found again from a sure direct pose, it stays") {
+  Recording recording("static_xyz");
+  Pose T = inverse(recording.frames[kLost].T_world_camera);
+  T.translation().x() += 0.02;
+  for (int i = 0; i < 12; ++i) recording.played[kLost].pose[i] = static_cast<float>(T.matrix()(i / 4, i % 4));
+  recording.played[kLost].ok = 0;
+  recording.played[kLost].retry = 1;
+  recording.played[kLost].matches = 40;
+  const std::vector<HostResult> few = recording.run();
+  CHECK(few[kLost].retries == 1);
+  CHECK(recording.error(few[kLost].pose, kLost) < 0.005);
+  recording.played[kLost].matches = 0;  // all of them
+  const std::vector<HostResult> many = recording.run();
+  CHECK(recording.error(many[kLost].pose, kLost) == doctest::Approx(0.02).epsilon(0.01));
 }
 
 TEST_CASE("a map that the back end moves takes the memory along, a new map begins anew") {
