@@ -16,7 +16,7 @@ namespace g2o {
 class SE3Quat {
  public:
   SE3Quat() = default;
-  SE3Quat(const Eigen::Quaterniond& q, const Eigen::Vector3d& t) : R(q.toRotationMatrix()), t(t) {}
+  SE3Quat(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation) : R(rotation.toRotationMatrix()), t(translation) {}
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   Eigen::Vector3d t = Eigen::Vector3d::Zero();
 };
