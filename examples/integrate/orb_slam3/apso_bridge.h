@@ -22,7 +22,7 @@ enum { APSO_REFINE_NONE = 0, APSO_REFINE_BAD = 1, APSO_REFINE_EVERY = 2 };
 
 typedef struct {
   int refine;     /* APSO_REFINE_EVERY; with APSO_REFINE_BAD GOOD frames keep the pose of the host */
-  int own_thread; /* 1: GOOD frames are remembered beside the work of the host; 0: within apso_bridge_conclude() */
+  int own_thread; /* 1: GOOD frames that are not refined are remembered beside the work of the host; 0: within apso_bridge_conclude() */
 } ApsoBridgeOptions;
 
 typedef struct {

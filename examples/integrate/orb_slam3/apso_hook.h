@@ -138,7 +138,6 @@ class ApsoHook {
       frame.SetPose(ReadInverse(predicted_));
       report_.pose_ok = 1;
     }
-    keyframe_needed_ = false;
     if (!repaired_) alone_ = 0;
     frames_on_corners_ = by_corners_ ? frames_on_corners_ + 1 : 0;
     if (!ok && !report_.refined) ++chain_;
@@ -180,8 +179,8 @@ class ApsoHook {
     if (!agree) Forget(frame);
     if (!agree || (sure && inliers < kFewMatches)) frame.SetPose(T_direct);  // the more exact one, where points are few
     alone_ = agree ? 0 : alone_ + 1;
-    keyframe_needed_ = options_.refine == APSO_REFINE_EVERY && alone_ >= kFramesAlone && sure && Holds(frame);
-    report_.keyframe_allowed = keyframe_needed_ || (agree && Holds(frame) && (sure || by_corners_)) ? 1 : 0;
+    const bool needed = options_.refine == APSO_REFINE_EVERY && alone_ >= kFramesAlone && sure;
+    report_.keyframe_allowed = Holds(frame) && (needed || (agree && (sure || by_corners_))) ? 1 : 0;
     if (agree) frames_on_corners_ = 0;
     if (!records_.empty()) records_.pop_back();
     Record(frame, true);
@@ -190,13 +189,13 @@ class ApsoHook {
   // First line of NeedNewKeyFrame(): the map must not learn from a BAD frame.
   bool KeyframeAllowed() const { return report_.keyframe_allowed != 0; }
   // The line after it: direct alignment alone has carried some frames, and the map has nothing to be found by where the camera is now.
-  bool KeyframeNeeded() const { return keyframe_needed_; }
+  bool KeyframeNeeded() const { return KeyframeAllowed() && alone_ >= kFramesAlone; }
   // In CreateNewKeyFrame(): the pose that the frame was given. Between two keyframes of the same chain the motion was measured.
   template <class KeyFrame>
   void Measured(KeyFrame& keyframe) {
     keyframe.mTcwMeasured = keyframe.GetPose();
     keyframe.mnMeasured = chain_;
-    if (!keyframe_needed_ || records_.empty()) return;
+    if (!KeyframeNeeded() || records_.empty()) return;
     // shares no map point with another one: it hangs on the last in the spanning tree until it does
     KeyFrame* before = static_cast<KeyFrame*>(records_.back().reference);
     while (before && before->isBad()) before = before->GetParent();
@@ -219,7 +218,6 @@ class ApsoHook {
     moved_.clear();
     frames_on_corners_ = 0;
     alone_ = 0;
-    keyframe_needed_ = false;
     ++chain_;
     report_ = ApsoBridgeReport();
     report_.keyframe_allowed = 1;
@@ -473,7 +471,6 @@ class ApsoHook {
   int followed_count_ = 0;   // corners that agree with predicted_
   int frames_on_corners_ = 0;
   int alone_ = 0;  // frames in a row that the direct pose, or corners, have carried without the map
-  bool keyframe_needed_ = false;
   int chain_ = 1;  // of measurements; the next begins where there was no pose, and where the map was moved
   bool last_ok_ = false;
   bool moving_on_ = false;

@@ -1,6 +1,7 @@
 // A test double of what an integration touches of ORB-SLAM3's Optimizer and its g2o. It optimises nothing: it keeps the edges.
 #pragma once
 
+#include <cstddef>
 #include <list>
 #include <map>
 #include <memory>

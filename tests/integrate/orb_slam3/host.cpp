@@ -3,6 +3,8 @@
 
 static_assert(__cplusplus < 201703L, "this file has to be compiled as C++14");
 
+#include <cmath>
+
 #include "Optimizer.cc"
 #include "Tracking.cc"
 
@@ -55,7 +57,9 @@ void write(const Sophus::SE3f& T, float* rows) {
 void list_edges(Tracking& t, const std::vector<int>& frame_of, HostMap* map) {
   std::list<ORB_SLAM3::KeyFrame*> local;
   std::list<ORB_SLAM3::KeyFrame*> fixed;
-  for (ORB_SLAM3::KeyFrame& k : t.mKeyFrames) (k.mnId % 2 == 0 ? fixed : local).push_front(&k);
+  for (ORB_SLAM3::KeyFrame& k : t.mKeyFrames) {
+    if (k.mnId % 5 != 4) (k.mnId % 2 == 0 ? fixed : local).push_front(&k);
+  }
   g2o::SparseOptimizer optimizer;
   ORB_SLAM3::Optimizer::LocalBundleAdjustment(local, fixed, optimizer);
   map->edges_count = 0;

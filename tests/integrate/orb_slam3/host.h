@@ -46,7 +46,7 @@ struct HostMap {
   HostPoint* points;
   int points_room;
   int points_count;
-  HostEdge* edges;  // of a bundle adjustment of all keyframes, those of even numbers fixed
+  HostEdge* edges;  // of a bundle adjustment of all keyframes but every fifth, those of even numbers fixed
   int edges_room;
   int edges_count;
 };
