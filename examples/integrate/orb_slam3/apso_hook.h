@@ -158,6 +158,13 @@ class ApsoHook {
     return report_.pose_ok != 0;
   }
 
+  // At the end of StereoInitialization(), which makes a map of the frame and its first keyframe: the next frames are aligned to it.
+  template <class Frame, class KeyFrame, class MapPoint>
+  void AfterInitialization(Frame& frame, KeyFrame& keyframe, const std::vector<MapPoint*>& local) {
+    AfterTracking(frame, true, local);
+    Measured(keyframe);
+  }
+
   // The features have failed and the direct pose has been set: time to look for the map points again, from there.
   bool Repaired() const { return repaired_; }
   // How many keypoints have a map point.

@@ -47,26 +47,28 @@ void Tracking::Track() {
   unique_lock<mutex> lock(mpAtlas->GetCurrentMap()->mMutexMapUpdate);
   bool bOK = true;
   if (mState == NO_IMAGES_YET) mState = NOT_INITIALIZED;
-  bOK = TrackLocalMap();
+  if (mState == NOT_INITIALIZED) {
+    StereoInitialization();
+  } else {
+    bOK = TrackLocalMap();
 
-  // [after]
-  bOK = mpApso->AfterTracking(mCurrentFrame, bOK, mvpLocalMapPoints);                                             // +apso
-  if (mpApso->Repaired()) {                                                                                       // +apso
-    SearchLocalPoints();                                                                                          // +apso
-    mpApso->AfterRetry(mCurrentFrame, ApsoHook::Matches(mCurrentFrame) >= 20 && TrackLocalMap());                 // +apso
-  }                                                                                                               // +apso
-  // [/after]
+    // [after]
+    bOK = mpApso->AfterTracking(mCurrentFrame, bOK, mvpLocalMapPoints);                                             // +apso
+    if (mpApso->Repaired()) {                                                                                       // +apso
+      SearchLocalPoints();                                                                                          // +apso
+      mpApso->AfterRetry(mCurrentFrame, ApsoHook::Matches(mCurrentFrame) >= 20 && TrackLocalMap());                 // +apso
+    }                                                                                                               // +apso
+    // [/after]
 
-  mState = bOK ? OK : (mState == OK ? RECENTLY_LOST : mState);
-  if (bOK) {
-    if (mLastFrame.isSet() && mCurrentFrame.isSet()) {
+    mState = bOK ? OK : (mState == OK ? RECENTLY_LOST : mState);
+    mbVelocity = bOK && mLastFrame.isSet() && mCurrentFrame.isSet();
+    if (mbVelocity) {
       const Sophus::SE3f LastTwc = mLastFrame.GetPose().inverse();
       mVelocity = mCurrentFrame.GetPose() * LastTwc;
-      mbVelocity = true;
-    } else {
-      mbVelocity = false;
     }
-    if (NeedNewKeyFrame()) CreateNewKeyFrame();
+    if (bOK && NeedNewKeyFrame()) CreateNewKeyFrame();
+  }
+  if (bOK) {
     // [relative]
     Sophus::SE3f Tcr_ = mpApso->FromReference(mCurrentFrame);  // +apso
     // [/relative]
@@ -90,22 +92,42 @@ void Tracking::Reset() {
   // ...
   // [/reset]
   mMap.clear();
+  mState = NO_IMAGES_YET;
 }
 void Tracking::ResetActiveMap() {
   mpApso->Reset();  // +apso
   mMap.clear();
+  mState = NO_IMAGES_YET;
 }
 void Tracking::CreateMapInAtlas() {
   mpApso->Reset();  // +apso
   mMap.clear();
+  mState = NO_IMAGES_YET;
 }
 
-void Tracking::CreateNewKeyFrame() {
+KeyFrame* Tracking::KeyFrameOfCurrentFrame() {
   mKeyFrames.emplace_back();
   KeyFrame* pKF = &mKeyFrames.back();
   pKF->mnId = mKeyFrames.size() - 1;
   pKF->mTimeStamp = mCurrentFrame.mTimeStamp;
   pKF->SetPose(mCurrentFrame.GetPose());
+  return pKF;
+}
+
+void Tracking::StereoInitialization() {
+  mCurrentFrame.SetPose(mPlayedPose);
+  KeyFrame* pKFini = KeyFrameOfCurrentFrame();
+  mpReferenceKF = pKFini;
+  mCurrentFrame.mpReferenceKF = pKFini;
+
+  // [initialised]
+  mpApso->AfterInitialization(mCurrentFrame, *pKFini, mvpLocalMapPoints);  // +apso
+  mState = OK;
+  // [/initialised]
+}
+
+void Tracking::CreateNewKeyFrame() {
+  KeyFrame* pKF = KeyFrameOfCurrentFrame();  // new KeyFrame(...)
   // [keyframe_made]
   mpApso->Measured(*pKF);  // +apso
   // [/keyframe_made]
@@ -140,10 +162,6 @@ void Tracking::BuildFrame(const cv::Mat& imDepth, double timestamp) {
   const float cy = mK_(1, 2);
   const Sophus::SE3f Twc = mPlayedPose.inverse();
   if (mMap.empty()) {  // the map of the first frame: a grid of points with depth
-    mKeyFrames.emplace_back();
-    mKeyFrames.back().mnId = mKeyFrames.size() - 1;
-    mKeyFrames.back().SetPose(mPlayedPose);
-    mpReferenceKF = &mKeyFrames.back();
     mvpLocalMapPoints.clear();
     for (int y = 4; y < mHeight; y += 8) {
       for (int x = 4; x < mWidth; x += 8) {

@@ -63,7 +63,9 @@ class Tracking {
   bool TrackLocalMap();
   void SearchLocalPoints();
   bool NeedNewKeyFrame();
+  void StereoInitialization();
   void CreateNewKeyFrame();
+  KeyFrame* KeyFrameOfCurrentFrame();
   void BuildFrame(const cv::Mat& imDepth, double timestamp);
 
   Atlas mAtlas;
