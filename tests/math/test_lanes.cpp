@@ -97,11 +97,13 @@ TEST_CASE("loads and stores that reorder") {
   IntLanes offset{};
   for (int i = 0; i < kLanes; ++i) offset.v[i] = 3 * i;
   const Quad q = load_quads(memory, offset);
+  const Lanes first = gather(memory, offset);
   float back[2 * kLanes];
   store_pairs(even, odd, back);
   for (int i = 0; i < kLanes; ++i) {
     CHECK(even[i] == static_cast<float>(2 * i));
     CHECK(odd[i] == static_cast<float>(2 * i + 1));
+    CHECK(first[i] == static_cast<float>(3 * i));
     for (int k = 0; k < 4; ++k) CHECK(q.c[k][i] == static_cast<float>(3 * i + k));
     CHECK(back[2 * i] == even[i]);
     CHECK(back[2 * i + 1] == odd[i]);

@@ -21,6 +21,15 @@ APSO_NAMESPACE_BEGIN
   return n;
 }
 
+/// base[offset] of each.
+[[nodiscard]] APSO_INLINE Lanes gather(const float* base, const IntLanes& offset) {
+  std::int32_t at[kLanes];
+  std::memcpy(at, &offset.v, sizeof at);
+  Lanes r = 0.0F;
+  for (int i = 0; i < kLanes; ++i) r.v[i] = base[at[i]];
+  return r;
+}
+
 /// The upper 16 bits of each.
 [[nodiscard]] APSO_INLINE IntLanes upper_halves(const IntLanes& n) {
   IntLanes r;

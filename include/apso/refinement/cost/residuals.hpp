@@ -16,6 +16,7 @@
 #include <cstdint>
 
 #include <apso/config.hpp>
+#include <apso/math/lanes/lane_functions.hpp>
 #include <apso/math/lanes/lanes.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/refinement/cost/illumination.hpp>
@@ -85,7 +86,8 @@ class Warper {
   Warper(const PyramidLevel& current, const Pose& T_current_reference, const Illumination& light, const WarpOptions& options,
          float gate_factor, float background, bool rows_of_current = false)
       : texture_(current.texture.data()),
-        gamma_(current.gamma.empty() ? nullptr : &current.gamma),
+        gamma_(current.gamma.empty() ? nullptr : current.gamma.row(0)),
+        gamma_row_(static_cast<float>(current.gamma.stride())),
         width_(current.intensity.width()),
         fx_(static_cast<float>(current.camera.fx)),
         fy_(static_cast<float>(current.camera.fy)),
@@ -154,9 +156,9 @@ class Warper {
 
     Lanes weight = gamma * background_;
     if (gamma_ != nullptr) {
-      for (int i = 0; i < kLanes; ++i) {
-        weight.v[i] = gamma[i] * gamma_->row(static_cast<int>(y[i] + b[i] + 0.5F))[static_cast<int>(x[i] + a[i] + 0.5F)];
-      }
+      const Lanes nearest_x = to_float(to_int(x + a + 0.5F));
+      const Lanes nearest_y = to_float(to_int(y + b + 0.5F));
+      weight = gamma * gather(gamma_, to_int(nearest_y * gamma_row_ + nearest_x));
     }
     const Mask weighted = inside & (weight > zero);
     const Lanes gap = nearest - Y2;
@@ -212,7 +214,8 @@ class Warper {
   static constexpr float kDepthSpread = 0.05F;   // largest relative difference of four depths that are interpolated
 
   const float* texture_;
-  const Plane* gamma_;
+  const float* gamma_;
+  Lanes gamma_row_;
   int width_;
   Lanes R_[3][3], t_[3];
   Lanes fx_, fy_, cx_, cy_, u_max_, v_max_, row_, z_near_, gate_, gate_relative_, spread_, background_, gain_, offset_;
