@@ -86,8 +86,8 @@ class Warper {
   Warper(const PyramidLevel& current, const Pose& T_current_reference, const Illumination& light, const WarpOptions& options,
          float gate_factor, float background, bool rows_of_current = false)
       : texture_(current.texture.data()),
-        gamma_(current.gamma.empty() ? nullptr : current.gamma.row(0)),
-        gamma_row_(static_cast<float>(current.gamma.stride())),
+        gamma_(current.gamma.view().data),
+        gamma_row_(static_cast<float>(current.gamma.view().stride)),
         width_(current.intensity.width()),
         fx_(static_cast<float>(current.camera.fx)),
         fy_(static_cast<float>(current.camera.fy)),
@@ -156,9 +156,9 @@ class Warper {
 
     Lanes weight = gamma * background_;
     if (gamma_ != nullptr) {
-      const Lanes nearest_x = to_float(to_int(x + a + 0.5F));
-      const Lanes nearest_y = to_float(to_int(y + b + 0.5F));
-      weight = gamma * gather(gamma_, to_int(nearest_y * gamma_row_ + nearest_x));
+      const Lanes nearest_x = to_float(to_int(u + 0.5F));
+      const Lanes nearest_y = to_float(to_int(v + 0.5F));
+      weight = gamma * gather(gamma_, to_int(nearest_y * gamma_row_ + nearest_x));  // exact as well
     }
     const Mask weighted = inside & (weight > zero);
     const Lanes gap = nearest - Y2;

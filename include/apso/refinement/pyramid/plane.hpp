@@ -29,7 +29,6 @@ class Plane {
   void clear() { resize(0, 0); }
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
-  [[nodiscard]] int stride() const { return stride_; }  ///< from one row to the next
   [[nodiscard]] bool empty() const { return data_.empty(); }
   [[nodiscard]] float* row(int y) { return data_.data() + static_cast<std::ptrdiff_t>(stride_) * y + kPad; }
   [[nodiscard]] const float* row(int y) const { return data_.data() + static_cast<std::ptrdiff_t>(stride_) * y + kPad; }
