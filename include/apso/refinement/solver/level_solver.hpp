@@ -93,8 +93,8 @@ class LevelSolver {
           converged = tiny || before - after < kStopRelativeCost * before;
           break;
         }
-        mu = std::max(1e-9, mu * 10);
         if (tiny) break;
+        mu = std::max(kRejectedDamping, mu * 10);
       }
       if (!moved) {  // no step lowers the cost: a minimum
         converged = true;
@@ -111,7 +111,9 @@ class LevelSolver {
   static constexpr int kIterations[4] = {8, 10, 15, 20};
   static constexpr double kStopPixels[4] = {0.01, 0.03, 0.05, 0.05};  // a step that moves the image by less is the last one [px]
   static constexpr double kStopRelativeCost = 1e-4;                   // a relative decrease below stops
-  static constexpr int kRejects = 5;                                  // rejected steps in a row
+  static constexpr int kRejects = 3;                                  // rejected steps in a row
+  // mu after a rejected step: one that is hardly shorter would be rejected like it, by pixels that come into view and leave it
+  static constexpr double kRejectedDamping = 0.03;
   static constexpr double kScaleChange = 0.2;  // relative change of a scale from which on the sums are made again with the new
 };
 
