@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include <apso/io/camera_yaml.hpp>
 #include <apso/io/tum_text.hpp>
@@ -13,6 +14,7 @@
 
 #include "arguments.hpp"
 #include "frame_source.hpp"
+#include "shutter_source.hpp"
 
 namespace track {
 
@@ -37,7 +39,9 @@ inline std::unique_ptr<FrameSource> open_source(const Arguments& a) {
   const bool is_file =
       (std::filesystem::exists(a.camera) && !std::filesystem::is_directory(a.camera)) || a.camera.find('.') != std::string::npos;
   const apso::opencv::CameraModel camera = is_file ? apso::camera_from_yaml(a.camera) : apso::camera_by_name(a.camera);
-  return std::make_unique<RecordedSource>(a.sequence, camera);
+  std::unique_ptr<FrameSource> source = std::make_unique<RecordedSource>(a.sequence, camera);
+  if (camera.readout != 0) source = std::make_unique<ShutterSource>(std::move(source), camera.readout);
+  return source;
 }
 
 }  // namespace track

@@ -13,6 +13,7 @@
 #include <apso/traits/images/byte_image.hpp>
 #include <apso/traits/images/eigen_image.hpp>
 #include <apso/traits/images/rectifier.hpp>
+#include <apso/traits/images/rolling_shutter.hpp>
 #include <apso/traits/images/rows.hpp>
 #include <apso/traits/keypoint.hpp>
 #include <apso/traits/pose.hpp>
@@ -118,6 +119,7 @@
 #include <apso/refinement/alignment_options.hpp>
 #include <apso/refinement/alignment_result.hpp>
 #include <apso/refinement/blend.hpp>
+#include <apso/refinement/camera_velocity.hpp>
 #include <apso/refinement/confidence.hpp>
 #include <apso/refinement/cost/alignment_cost.hpp>
 #include <apso/refinement/cost/cost_term.hpp>

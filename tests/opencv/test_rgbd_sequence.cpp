@@ -76,6 +76,7 @@ TEST_CASE("a good recording: stamps of the colour images, metres, grey in [0,1]"
   const SequenceFrame f = s.frame(1);
   REQUIRE(f.ok());
   CHECK(f.timestamp == doctest::Approx(1 / 30.0).epsilon(1e-4));
+  CHECK(f.depth_delay == doctest::Approx(0.005));
   CHECK(f.depth(5, 5) == doctest::Approx(1.5));
   const double gray = 0.114 * 10 + 0.587 * 20 + 0.299 * 30;
   CHECK(f.intensity(3, 4) == doctest::Approx(gray / 255).epsilon(0.03));
@@ -174,6 +175,8 @@ TEST_CASE("cameras by name") {
   CHECK_FALSE(camera_by_name("tum-fr3").distorted());
   CHECK(camera_by_name("tum-fr1").k3 == 1.1633);
   CHECK(camera_by_name("bonn").distorted());
+  CHECK(camera_by_name("bonn").readout == 0.03);
+  CHECK(camera_by_name("icl-nuim").readout == 0);
   try {
     (void)camera_by_name("kinect");
     FAIL("expected an exception");

@@ -63,19 +63,22 @@ struct Frame {
   apso::RgbdFrame view(double t = 0) const { return {t, intensity, depth}; }
 };
 
-inline Frame render(const apso::Pinhole& cam, const Pose& T_world_camera, const Slab& slab = {}, unsigned noise = 0) {
+// What a camera sees that reads row after row, each from its own pose.
+template <class PoseOfRow>
+Frame render_rows(const apso::Pinhole& cam, PoseOfRow&& T_world_camera_of, const Slab& slab = {}, unsigned noise = 0) {
   Frame f;
   f.intensity.resize(cam.width, cam.height);
   f.depth.resize(cam.width, cam.height);
   f.probability.assign(cam.width, cam.height, 0.0F);
   std::mt19937 rng(noise);
   std::normal_distribution<double> gauss;
-  const Eigen::Matrix3d R = T_world_camera.linear();
-  const Eigen::Vector3d o = T_world_camera.translation();
   const double low[3] = {-2.2, -1.4, -2.0};
   const double high[3] = {2.2, 1.3, 3.2};
   int dynamic = 0;
   for (int y = 0; y < cam.height; ++y) {
+    const Pose T_world_camera = T_world_camera_of(y);
+    const Eigen::Matrix3d R = T_world_camera.linear();
+    const Eigen::Vector3d o = T_world_camera.translation();
     for (int x = 0; x < cam.width; ++x) {
       const Eigen::Vector3d d = R * cam.unproject(x, y, 1.0);
       double best = 1e9;
@@ -122,6 +125,11 @@ inline Frame render(const apso::Pinhole& cam, const Pose& T_world_camera, const 
   }
   f.dynamic_share = static_cast<double>(dynamic) / (cam.width * cam.height);
   return f;
+}
+
+inline Frame render(const apso::Pinhole& cam, const Pose& T_world_camera, const Slab& slab = {}, unsigned noise = 0) {
+  return render_rows(
+      cam, [&](int) { return T_world_camera; }, slab, noise);
 }
 
 inline Pose pose(double x, double y, double z, double rx, double ry, double rz) {

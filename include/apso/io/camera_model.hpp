@@ -20,11 +20,13 @@ struct CameraModel {
   Pinhole pinhole;
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;  ///< order and meaning as in OpenCV
   double depth_scale = 5000;                      ///< units of the depth image per metre
+  double readout = 0;                             ///< time from the first row to the last [s]; 0: all rows at once (rolling_shutter.hpp)
 
   /// Limits of what is taken for a camera, besides those of Pinhole.
   static constexpr double kMinDepthScale = 1e-3;  ///< [units per metre]: kilometres
   static constexpr double kMaxDepthScale = 1e9;   ///< [units per metre]: nanometres
   static constexpr double kMaxDistortion = 1e6;   ///< of each coefficient
+  static constexpr double kMaxReadout = 0.2;      ///< [s], in either direction
 
   [[nodiscard]] bool distorted() const { return k1 != 0 || k2 != 0 || p1 != 0 || p2 != 0 || k3 != 0; }
 
@@ -39,6 +41,7 @@ struct CameraModel {
     pinhole.validate();
     expects(depth_scale >= kMinDepthScale && depth_scale <= kMaxDepthScale,
             "CameraModel: depth_scale must be > 0, in [0.001, 1e9] units per metre");
+    expects(std::abs(readout) <= kMaxReadout, "CameraModel: readout must be in [-0.2, 0.2] s");
     for (const double c : {k1, k2, p1, p2, k3})
       expects(std::abs(c) <= kMaxDistortion, "CameraModel: the distortion must be finite, in [-1e6, 1e6]");
   }
@@ -87,10 +90,12 @@ struct camera_traits<CameraModel> {
 };
 
 /// Cameras of public data sets: tum-fr1, tum-fr2, tum-fr3 (Sturm et al. 2012), bonn (Palazzolo et al. 2019),
-/// icl-nuim (Handa et al. 2014). All 640 x 480 with 5000 depth units per metre.
+/// icl-nuim (Handa et al. 2014). All 640 x 480 with 5000 depth units per metre. The Kinects and Xtions of tum-* and bonn read an image
+/// within 30 ms (docs/tracker.md).
 [[nodiscard]] inline CameraModel camera_by_name(const std::string& name) {
   const auto make = [&](double fx, double fy, double cx, double cy) {
     CameraModel c;
+    c.readout = name == "icl-nuim" ? 0 : 0.03;
     c.name = name;
     c.pinhole = {fx, fy, cx, cy, 640, 480};
     return c;

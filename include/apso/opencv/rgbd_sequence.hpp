@@ -31,6 +31,7 @@ namespace opencv {
 /// One frame of a recording, rectified. When `error` is not empty the images are empty.
 struct SequenceFrame {
   double timestamp = 0;        ///< of the colour image [s]
+  double depth_delay = 0;      ///< stamp of the depth image less that of the colour image [s]
   cv::Mat_<cv::Vec3b> colour;  ///< B, G, R
   cv::Mat_<uchar> gray;        ///< 8-bit grey
   Image<float> intensity;      ///< grey in [0,1]
@@ -68,7 +69,7 @@ class RgbdSequence {
     const fs::path associations = folder_ / "associations.txt";
     if (is_there(associations)) {
       for (ImageAssociation& a : read_associations(associations.string(), &warnings_))
-        entries_.push_back({a.rgb_timestamp, std::move(a.rgb_file), std::move(a.depth_file)});
+        entries_.push_back({a.rgb_timestamp, a.depth_timestamp - a.rgb_timestamp, std::move(a.rgb_file), std::move(a.depth_file)});
     } else {
       associate_lists(options.max_difference);
     }
@@ -97,6 +98,7 @@ class RgbdSequence {
   /// \return false when the frame is broken; see SequenceFrame::error
   bool read(int i, SequenceFrame& out) const {
     out.timestamp = entry(i).timestamp;
+    out.depth_delay = entry(i).depth_delay;
     out.error.clear();
     cv::Mat colour;
     cv::Mat depth;
@@ -139,6 +141,7 @@ class RgbdSequence {
  private:
   struct Entry {
     double timestamp;
+    double depth_delay;
     std::string colour;
     std::string depth;
   };
@@ -187,7 +190,8 @@ class RgbdSequence {
     for (const FileListEntry& e : rgb) rgb_stamps.push_back(e.timestamp);
     for (const FileListEntry& e : depth) depth_stamps.push_back(e.timestamp);
     for (const StampMatch& m : associate_tum(rgb_stamps, depth_stamps, max_difference))
-      entries_.push_back({rgb[m.first].timestamp, rgb[m.first].file, depth[m.second].file});
+      entries_.push_back(
+          {rgb[m.first].timestamp, depth[m.second].timestamp - rgb[m.first].timestamp, rgb[m.first].file, depth[m.second].file});
     if (entries_.empty())
       throw io_error(depth_txt + ": no stamp is within " + std::to_string(max_difference) +
                      " s of one in rgb.txt, expected lists of the same recording");

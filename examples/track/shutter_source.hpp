@@ -1,0 +1,78 @@
+/// \file
+/// A recording of a camera with a rolling shutter, as if each frame had been read at one time.
+#pragma once
+
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <apso/opencv/adapters.hpp>
+#include <apso/refinement/camera_velocity.hpp>
+#include <apso/traits/images/rolling_shutter.hpp>
+
+#include "frame_source.hpp"
+
+namespace track {
+
+/// Reads one frame ahead, since the velocity of the camera at a frame is known from the motion to the next one.
+class ShutterSource final : public FrameSource {
+ public:
+  /// \param readout time from the first row to the last [s]
+  ShutterSource(std::unique_ptr<FrameSource> source, double readout)
+      : source_(std::move(source)), velocity_(source_->camera()), shutter_(source_->camera(), readout) {}
+
+  int size() const override { return source_->size(); }
+  const apso::Pinhole& camera() const override { return source_->camera(); }
+  const apso::Trajectory& groundtruth() const override { return source_->groundtruth(); }
+  const std::vector<std::string>& warnings() const override { return source_->warnings(); }
+  double timestamp(int i) const override { return source_->timestamp(i); }
+  std::set<std::string> folders() const override { return source_->folders(); }
+  std::string label(int i) const override { return source_->label(i); }
+
+  void load(int i, LoadedFrame& out) override {
+    if (ahead_ != i) {  // not the frame after the last one
+      velocity_.reset();
+      if (i > 0) look(i - 1);
+      look(i);
+    }
+    std::swap(out, frame_);
+    const bool last = i + 1 == size();
+    if (!last) look(i + 1);
+    if (!out.ok()) return;
+    const std::optional<apso::Twist> v = last || !frame_.ok() ? velocity_.of_latest_frame() : velocity_.of_frame_before();
+    if (!v || !plausible(*v) || std::abs(out.depth_delay) > apso::RollingShutter::kLongest) return;
+    shutter_.follow(out.depth.view(), *v, out.depth_delay);
+    out.depth = shutter_.depth();
+    const auto map = [&](const apso::Image<float>& m) { return cv::Mat(m.height(), m.width(), CV_32FC1, const_cast<float*>(m.data())); };
+    cv::remap(out.colour, colour_, map(shutter_.map_x()), map(shutter_.map_y()), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+    cv::swap(out.colour, colour_);
+    out.take_colour();
+  }
+
+ private:
+  static bool plausible(const apso::Twist& v) {
+    return apso::translation_norm(v) < apso::RollingShutter::kFastest && apso::rotation_norm(v) < apso::RollingShutter::kFastest;
+  }
+  /// Frame i is the latest that the velocity knows of, if it is not broken.
+  void look(int i) {
+    source_->load(i, frame_);
+    ahead_ = i;
+    if (frame_.ok()) velocity_.push(frame_.rgbd());
+  }
+
+  std::unique_ptr<FrameSource> source_;
+  apso::CameraVelocity velocity_;
+  apso::RollingShutter shutter_;
+  LoadedFrame frame_;  ///< the one ahead
+  int ahead_ = -1;     ///< its number
+  cv::Mat colour_;
+};
+
+}  // namespace track

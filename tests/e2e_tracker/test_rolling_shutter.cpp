@@ -1,0 +1,110 @@
+// apso_track on a recording whose rows were read one after another, and whose depth came later than its colour.
+#ifdef APSO_MINIMAL_TRACKER
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include <apso/evaluation/trajectory.hpp>
+#include <apso/io/tum_text.hpp>
+#include <apso/math/se3.hpp>
+
+#include "../refinement/room.hpp"
+#include "../run_program.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kReadout = 0.03;
+constexpr double kDelay = 0.01;  // of the depth [s]
+
+// A hand that shakes twice a second: up to 0.4 m/s and 60 degrees per second.
+apso::Pose at(double t) {
+  const double w = 12.566;
+  return room::pose(0.03 * std::sin(w * t), 0.02 * std::sin(w * t + 1), 0.3 + 0.02 * std::cos(w * t), 3.5 * std::sin(w * t + 2),
+                    4.5 * std::cos(w * t), 2 * std::sin(w * t));
+}
+
+void record(const fs::path& folder, int frames) {
+  const apso::Pinhole camera = room::camera(640);
+  fs::create_directories(folder / "rgb");
+  fs::create_directories(folder / "depth");
+  std::ofstream list(folder / "associations.txt");
+  apso::Trajectory truth;
+  for (int i = 0; i < frames; ++i) {
+    const double t = 1 + i / 30.0;
+    const auto rows_from = [&](double middle) {
+      return [&camera, middle](int y) { return at(middle + kReadout * ((y + 0.5) / camera.height - 0.5)); };
+    };
+    const room::Frame colour = room::render_rows(camera, rows_from(t), {}, 1 + static_cast<unsigned>(i));
+    const room::Frame depth = room::render_rows(camera, rows_from(t + kDelay), {}, 1000 + static_cast<unsigned>(i));
+    cv::Mat_<std::uint8_t> grey(camera.height, camera.width);
+    cv::Mat_<std::uint16_t> units(camera.height, camera.width);
+    for (int y = 0; y < camera.height; ++y) {
+      for (int x = 0; x < camera.width; ++x) {
+        grey(y, x) = cv::saturate_cast<std::uint8_t>(255 * colour.intensity(x, y));
+        units(y, x) = cv::saturate_cast<std::uint16_t>(5000 * depth.depth(x, y));
+      }
+    }
+    const std::string name = std::to_string(t) + ".png";
+    cv::imwrite((folder / "rgb" / name).string(), grey);
+    cv::imwrite((folder / "depth" / name).string(), units);
+    list << std::to_string(t) << " rgb/" << name << ' ' << std::to_string(t + kDelay) << " depth/" << name << '\n';
+    truth.push_back({t, at(t)});
+  }
+  apso::write_trajectory((folder / "groundtruth.txt").string(), truth);
+  const auto camera_file = [&](const char* name, double readout) {
+    std::ofstream(folder / name) << "fx: " << camera.fx << "\nfy: " << camera.fy << "\ncx: " << camera.cx << "\ncy: " << camera.cy
+                                 << "\nwidth: 640\nheight: 480\ndepth_scale: 5000\nreadout: " << readout << '\n';
+  };
+  camera_file("rolling.yaml", kReadout);
+  camera_file("global.yaml", 0);
+}
+
+std::string text(const fs::path& file) {
+  std::ifstream in(file);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+}  // namespace
+
+TEST_CASE("a recording of a rolling shutter is tracked as one of a global shutter, with any number of threads") {
+  const Folder f;
+  const fs::path in = f.path / "in";
+  record(in, 40);
+  const auto track = [&](const char* camera, const char* more, const char* out) {
+    const Outcome o = run(std::string(APSO_TRACK) + " " + in.string() + " --camera " + (in / camera).string() + " --quiet --no-pictures " +
+                              more + " --output " + (f.path / out).string(),
+                          f.path);
+    INFO(o.text);
+    REQUIRE(o.code == 0);
+    return read_json(f.path / out / "summary.json");
+  };
+  const auto rolling = track("rolling.yaml", "--threads 2", "rolling");
+  const auto global = track("global.yaml", "--threads 2", "global");
+  CHECK(rolling["frames"]["with_pose"] == 40);
+  const auto rpe = [](const auto& summary) { return summary["final"]["rpe_1f"]["translation"]["rmse"].template get<double>(); };
+  CAPTURE(rpe(global));
+  CAPTURE(rolling["final"]["ate"]["rmse"].get<double>());
+  CAPTURE(global["final"]["ate"]["rmse"].get<double>());
+  CHECK(rpe(rolling) < 0.5 * rpe(global));
+  CHECK(rolling["final"]["ate"]["rmse"].get<double>() < 0.5 * global["final"]["ate"]["rmse"].get<double>());
+
+  track("rolling.yaml", "--threads 1", "alone");
+  CHECK(text(f.path / "alone/trajectory.txt") == text(f.path / "rolling/trajectory.txt"));
+
+  // a broken image in between: the frames beside it have one neighbour each
+  std::ofstream(in / "rgb" / (std::to_string(1 + 20 / 30.0) + ".png"), std::ios::trunc) << "no picture";
+  const auto broken = track("rolling.yaml", "", "broken");
+  CHECK(broken["frames"]["with_pose"] == 39);
+  CHECK(broken["final"]["ate"]["rmse"].get<double>() < global["final"]["ate"]["rmse"].get<double>());
+}
+#endif
