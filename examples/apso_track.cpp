@@ -137,7 +137,7 @@ void Run::process(int i) {
   }
   track::Stopwatch watch;
   track::Timing ms;
-  mask_ = masks_ ? masks_->load(frame.name, frame.gray.size(), record_.use) : cv::Mat();
+  mask_ = masks_ ? frame.moved(masks_->load(frame.name, frame.gray.size(), record_.use)) : cv::Mat();
   if (a_.true_masks) mask_ = cv::Mat(frame.gray.size(), CV_8UC1, const_cast<std::uint8_t*>(frame.instance.data()));
   ms.load = ready.load_ms + watch.lap();
 

@@ -32,6 +32,14 @@ namespace track {
 struct LoadedFrame : apso::opencv::SequenceFrame {
   std::string name;                    ///< stem of the colour file, for the names of masks and pictures
   apso::Image<std::uint8_t> instance;  ///< the person at each pixel, 0 = static; empty: not known
+  cv::Mat from_x, from_y;              ///< where each pixel was read [px]; empty: where it is now
+  /// A mask of the image as it was read, for the image as it is now.
+  [[nodiscard]] cv::Mat moved(const cv::Mat& mask) const {
+    if (mask.empty() || from_x.empty()) return mask;
+    cv::Mat out;
+    cv::remap(mask, out, from_x, from_y, cv::INTER_NEAREST, cv::BORDER_REPLICATE);
+    return out;
+  }
   /// The grey images again, of colours that were changed.
   void take_colour() {
     cv::cvtColor(colour, gray, cv::COLOR_BGR2GRAY);

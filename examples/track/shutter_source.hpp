@@ -45,13 +45,19 @@ class ShutterSource final : public FrameSource {
     std::swap(out, frame_);
     const bool last = i + 1 == size();
     if (!last) look(i + 1);
+    out.from_x.release();
+    out.from_y.release();
     if (!out.ok()) return;
     const std::optional<apso::Twist> v = last || !frame_.ok() ? velocity_.of_latest_frame() : velocity_.of_frame_before();
     if (!v || !plausible(*v) || std::abs(out.depth_delay) > apso::RollingShutter::kLongest) return;
     shutter_.follow(out.depth.view(), *v, out.depth_delay);
     out.depth = shutter_.depth();
-    const auto map = [&](const apso::Image<float>& m) { return cv::Mat(m.height(), m.width(), CV_32FC1, const_cast<float*>(m.data())); };
-    cv::remap(out.colour, colour_, map(shutter_.map_x()), map(shutter_.map_y()), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+    const auto copy = [](const apso::Image<float>& m, cv::Mat& to) {
+      cv::Mat(m.height(), m.width(), CV_32FC1, const_cast<float*>(m.data())).copyTo(to);
+    };
+    copy(shutter_.map_x(), out.from_x);
+    copy(shutter_.map_y(), out.from_y);
+    cv::remap(out.colour, colour_, out.from_x, out.from_y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
     cv::swap(out.colour, colour_);
     out.take_colour();
   }
