@@ -91,7 +91,7 @@ struct camera_traits<CameraModel> {
 
 /// Cameras of public data sets: tum-fr1, tum-fr2, tum-fr3 (Sturm et al. 2012), bonn (Palazzolo et al. 2019),
 /// icl-nuim (Handa et al. 2014). All 640 x 480 with 5000 depth units per metre. The Kinects and Xtions of tum-* and bonn read an image
-/// within 30 ms (docs/tracker.md).
+/// within 30 ms (docs/tracker.md; Kerl et al., ICCV 2015, simulate 28 ms).
 [[nodiscard]] inline CameraModel camera_by_name(const std::string& name) {
   const auto make = [&](double fx, double fy, double cx, double cy) {
     CameraModel c;
