@@ -62,17 +62,18 @@ int main() {
   apso::Image<float> intensity;
   for (std::size_t i = 0; i < recording.size(); ++i) {
     const Seen& latest = recording[i];
-    velocity.push(apso::frame(latest.timestamp, latest.intensity, latest.depth, camera));
+    velocity.push(apso::frame(latest.timestamp, latest.intensity, latest.depth, camera));  // images of any type
     if (i == 0) continue;
     const Seen& seen = recording[i - 1];  // it can be mended now that the way on from it is known
+    const auto as_read = apso::frame(seen.timestamp, seen.intensity, seen.depth, camera);
     const std::optional<apso::Twist> v = velocity.of_frame_before();
     if (!v) continue;              // the pipeline gets it as it was read
     const double depth_delay = 0;  // stamp of the depth image less that of the colour image [s]
-    shutter.follow(seen.depth.view(), *v, depth_delay);
-    shutter.intensity(seen.intensity.view(), intensity);
-    const auto frame = apso::frame(seen.timestamp, intensity, shutter.depth(), camera);  // for the pipeline
+    shutter.follow(as_read, *v, depth_delay);
+    shutter.intensity(as_read, intensity);
+    const auto mended = apso::frame(seen.timestamp, intensity, shutter.depth(), camera);  // for the pipeline
     // [/shutter]
-    const Seen at_once = look(camera, frame.timestamp, 0);
+    const Seen at_once = look(camera, mended.timestamp, 0);
     before_sum += difference(seen.intensity, at_once.intensity);
     after_sum += difference(intensity, at_once.intensity);
     // [shutter]

@@ -17,19 +17,13 @@
 namespace track {
 
 /// Degrades two consecutive frames of every twenty, from frame 40 on.
-class DegradedSource final : public FrameSource {
+class DegradedSource final : public ChangedSource {
  public:
   static constexpr int first = 40;  ///< frame that is degraded
   static std::vector<std::string> kinds() { return {"blur25", "blur41", "contrast", "wall", "blank", "no-depth"}; }
 
-  DegradedSource(std::unique_ptr<FrameSource> source, std::string kind) : source_(std::move(source)), kind_(std::move(kind)) {}
+  DegradedSource(std::unique_ptr<FrameSource> source, std::string kind) : ChangedSource(std::move(source)), kind_(std::move(kind)) {}
 
-  int size() const override { return source_->size(); }
-  const apso::Pinhole& camera() const override { return source_->camera(); }
-  const apso::Trajectory& groundtruth() const override { return source_->groundtruth(); }
-  const std::vector<std::string>& warnings() const override { return source_->warnings(); }
-  double timestamp(int i) const override { return source_->timestamp(i); }
-  std::set<std::string> folders() const override { return source_->folders(); }
   std::string label(int i) const override { return degraded(i) ? kind_ : source_->label(i); }
 
   void load(int i, LoadedFrame& out) override {
@@ -58,7 +52,6 @@ class DegradedSource final : public FrameSource {
     }
   }
 
-  std::unique_ptr<FrameSource> source_;
   std::string kind_;
 };
 

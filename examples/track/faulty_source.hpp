@@ -19,7 +19,7 @@ namespace track {
 
 /// Changes the order, the stamps or the images of some frames of another source. docs/reliability.md says what the program
 /// does with each fault.
-class FaultySource final : public FrameSource {
+class FaultySource final : public ChangedSource {
  public:
   static constexpr int first = 40;       ///< frame from which on the fault lasts
   static constexpr int a_few = 10;       ///< frames that are dropped, doubled or in another order
@@ -29,7 +29,7 @@ class FaultySource final : public FrameSource {
     return {"dropped", "doubled", "reordered", "clock-back", "flash", "frozen", "depth-lost", "half-black", "occluded", "kidnapped"};
   }
 
-  FaultySource(std::unique_ptr<FrameSource> source, std::string kind) : source_(std::move(source)), kind_(std::move(kind)) {
+  FaultySource(std::unique_ptr<FrameSource> source, std::string kind) : ChangedSource(std::move(source)), kind_(std::move(kind)) {
     const int n = source_->size();
     for (int i = 0; i < n; ++i) {
       const bool few = i >= first && i < first + a_few;
@@ -52,10 +52,7 @@ class FaultySource final : public FrameSource {
   }
 
   int size() const override { return static_cast<int>(order_.size()); }
-  const apso::Pinhole& camera() const override { return source_->camera(); }
   const apso::Trajectory& groundtruth() const override { return groundtruth_; }
-  const std::vector<std::string>& warnings() const override { return source_->warnings(); }
-  std::set<std::string> folders() const override { return source_->folders(); }
   double timestamp(int i) const override { return source_->timestamp(origin(i)) - (faulty(i) ? clock_ : 0); }
   std::string label(int i) const override { return faulty(i) ? kind_ : source_->label(origin(i)); }
 
@@ -95,7 +92,6 @@ class FaultySource final : public FrameSource {
     return i >= first && i - first < lasting;
   }
 
-  std::unique_ptr<FrameSource> source_;
   std::string kind_;
   apso::Trajectory groundtruth_;
   std::vector<int> order_;  ///< frames of the other source, as they come

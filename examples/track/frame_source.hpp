@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -75,6 +76,22 @@ class FrameSource {
   [[nodiscard]] virtual std::set<std::string> folders() const { return {}; }
   /// Known difficulty of frame i; empty if none is known.
   [[nodiscard]] virtual std::string label(int) const { return {}; }
+};
+
+/// Another source, as it is: what changes frames overrides load(), and the rest where it changes.
+class ChangedSource : public FrameSource {
+ public:
+  explicit ChangedSource(std::unique_ptr<FrameSource> source) : source_(std::move(source)) {}
+  int size() const override { return source_->size(); }
+  const apso::Pinhole& camera() const override { return source_->camera(); }
+  const apso::Trajectory& groundtruth() const override { return source_->groundtruth(); }
+  const std::vector<std::string>& warnings() const override { return source_->warnings(); }
+  double timestamp(int i) const override { return source_->timestamp(i); }
+  std::set<std::string> folders() const override { return source_->folders(); }
+  std::string label(int i) const override { return source_->label(i); }
+
+ protected:
+  std::unique_ptr<FrameSource> source_;
 };
 
 class SyntheticSource final : public FrameSource {

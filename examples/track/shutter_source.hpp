@@ -5,10 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <optional>
-#include <set>
-#include <string>
 #include <utility>
-#include <vector>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -22,19 +19,11 @@
 namespace track {
 
 /// Reads one frame ahead, since the velocity of the camera at a frame is known from the motion to the next one.
-class ShutterSource final : public FrameSource {
+class ShutterSource final : public ChangedSource {
  public:
   /// \param readout time from the first row to the last [s]
   ShutterSource(std::unique_ptr<FrameSource> source, double readout)
-      : source_(std::move(source)), velocity_(source_->camera()), shutter_(source_->camera(), readout) {}
-
-  int size() const override { return source_->size(); }
-  const apso::Pinhole& camera() const override { return source_->camera(); }
-  const apso::Trajectory& groundtruth() const override { return source_->groundtruth(); }
-  const std::vector<std::string>& warnings() const override { return source_->warnings(); }
-  double timestamp(int i) const override { return source_->timestamp(i); }
-  std::set<std::string> folders() const override { return source_->folders(); }
-  std::string label(int i) const override { return source_->label(i); }
+      : ChangedSource(std::move(source)), velocity_(source_->camera()), shutter_(source_->camera(), readout) {}
 
   void load(int i, LoadedFrame& out) override {
     if (ahead_ != i) {  // not the frame after the last one
@@ -49,8 +38,8 @@ class ShutterSource final : public FrameSource {
     out.from_y.release();
     if (!out.ok()) return;
     const std::optional<apso::Twist> v = last || !frame_.ok() ? velocity_.of_latest_frame() : velocity_.of_frame_before();
-    if (!v || !plausible(*v) || std::abs(out.depth_delay) > apso::RollingShutter::kLongest) return;
-    shutter_.follow(out.depth.view(), *v, out.depth_delay);
+    if (!v || std::abs(out.depth_delay) > apso::RollingShutter::kLongest) return;
+    shutter_.follow(out.rgbd(), *v, out.depth_delay);
     out.depth = shutter_.depth();
     const auto copy = [](const apso::Image<float>& m, cv::Mat& to) {
       cv::Mat(m.height(), m.width(), CV_32FC1, const_cast<float*>(m.data())).copyTo(to);
@@ -63,9 +52,6 @@ class ShutterSource final : public FrameSource {
   }
 
  private:
-  static bool plausible(const apso::Twist& v) {
-    return apso::translation_norm(v) < apso::RollingShutter::kFastest && apso::rotation_norm(v) < apso::RollingShutter::kFastest;
-  }
   /// Frame i is the latest that the velocity knows of, if it is not broken.
   void look(int i) {
     source_->load(i, frame_);
@@ -73,7 +59,6 @@ class ShutterSource final : public FrameSource {
     if (frame_.ok()) velocity_.push(frame_.rgbd());
   }
 
-  std::unique_ptr<FrameSource> source_;
   apso::CameraVelocity velocity_;
   apso::RollingShutter shutter_;
   LoadedFrame frame_;  ///< the one ahead

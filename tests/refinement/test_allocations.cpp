@@ -1,12 +1,15 @@
 // What is allocated: nothing once the buffers have their size, and never an image to read an image.
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include <doctest/doctest.h>
 
 #include <apso/refinement/align.hpp>
+#include <apso/refinement/camera_velocity.hpp>
 #include <apso/refinement/refiner.hpp>
 #include <apso/refinement/start/corner_matching.hpp>
+#include <apso/traits/images/rolling_shutter.hpp>
 
 #include "../counting_allocator.hpp"
 #include "../foreign_types.hpp"
@@ -43,6 +46,31 @@ TEST_CASE("alignment that is warm allocates nothing") {
     CHECK(succeeded(result.status));
     CHECK(a.number == 0);
   }
+}
+
+TEST_CASE("the velocity of a camera and its rolling shutter allocate nothing when they are warm") {
+  const room::Frame a = room::render(kCamera, Pose::Identity(), {}, 1);
+  const room::Frame b = room::render(kCamera, kTruth, {}, 2);
+  CameraVelocity velocity(kCamera);
+  RollingShutter shutter(kCamera, 0.03);
+  Image<float> intensity;
+  double t = 0;
+  bool known = true;
+  const auto twice = [&] {
+    for (const room::Frame* f : {&a, &b}) {
+      velocity.push(f->view(t += 0.03));
+      const std::optional<Twist> v = velocity.of_latest_frame();
+      known = known && (v || t < 0.04);
+      if (!v) continue;
+      shutter.follow(f->view(), *v, 0.01);
+      shutter.intensity(f->view(), intensity);
+    }
+  };
+  twice();
+  twice();
+  const Allocations counted = count(twice);
+  CHECK(known);
+  CHECK(counted.number == 0);
 }
 
 TEST_CASE("looking for other answers allocates nothing") {

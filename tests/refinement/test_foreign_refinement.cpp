@@ -1,6 +1,7 @@
 // The doors of refinement with types that the library has not seen: images, tracks and poses go in as they are, poses come
 // out as the type they came in, and the answer is that for the library's own types.
 #include <cmath>
+#include <cstddef>
 #include <list>
 #include <type_traits>
 #include <vector>
@@ -9,7 +10,9 @@
 
 #include <apso/align.hpp>
 #include <apso/blend.hpp>
+#include <apso/refinement/camera_velocity.hpp>
 #include <apso/refinement/refiner.hpp>
+#include <apso/traits/images/rolling_shutter.hpp>
 
 #include "../foreign_types.hpp"
 #include "room.hpp"
@@ -217,4 +220,32 @@ TEST_CASE_TEMPLATE("memory and refiner take any images and poses, and give the p
   const std::int64_t id = memory.entry(0).id;
   CHECK(memory.correct(id, from_pose<PoseT>(truth)));
   CHECK(distance(from_pose<PoseT>(memory.entry(0).T_world_reference), truth) < 10 * kRounding<PoseT>);
+}
+
+TEST_CASE("the velocity of a camera, and frames that its rolling shutter bent, from any images") {
+  const TwoFrames a(Pose::Identity(), 1), b(kTruth, 2);
+  CameraVelocity own_velocity(kCamera);
+  CameraVelocity velocity(kCamera);
+  own_velocity.push(a.own(0));
+  velocity.push(a.theirs(0));
+  own_velocity.push(b.own(0.05));
+  velocity.push(b.theirs(0.05));
+  REQUIRE(velocity.of_frame_before());
+  CHECK(*velocity.of_frame_before() == *own_velocity.of_frame_before());
+  RollingShutter own_shutter(kCamera, 0.03);
+  RollingShutter shutter(kCamera, 0.03);
+  own_shutter.follow(a.own(0), *velocity.of_frame_before(), 0.01);
+  shutter.follow(a.theirs(0), *velocity.of_frame_before(), 0.01);
+  Image<float> own_intensity;
+  Image<float> intensity;
+  own_shutter.intensity(a.own(0), own_intensity);
+  shutter.intensity(a.theirs(0), intensity);
+  bool equal = true;
+  bool changed = false;
+  for (std::size_t i = 0; i < intensity.size(); ++i) {
+    equal = equal && intensity.data()[i] == own_intensity.data()[i] && shutter.depth().data()[i] == own_shutter.depth().data()[i];
+    changed = changed || intensity.data()[i] != a.own_grey.data()[i];
+  }
+  CHECK(equal);
+  CHECK(changed);
 }

@@ -4,6 +4,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -70,9 +71,9 @@ TEST_CASE("a frame that was read row by row becomes what a global shutter would 
         CAPTURE(t);
         const Read r = read(camera, t, readout, delay);
         RollingShutter shutter(camera, readout);
-        shutter.follow(r.seen.depth.view(), velocity_at(t), delay);
+        shutter.follow(r.seen.view(), velocity_at(t), delay);
         Image<float> grey;
-        shutter.intensity(r.seen.intensity.view(), grey);
+        shutter.intensity(r.seen.view(), grey);
         const auto raw = difference(r.seen.intensity, r.seen.depth, r.at_once);
         const auto mended = difference(grey, shutter.depth(), r.at_once);
         CHECK(mended.first < 0.3 * raw.first);
@@ -87,9 +88,9 @@ TEST_CASE("a camera that rests, and one that reads all rows at once, leave the i
   const Pinhole camera = room::camera();
   const room::Frame f = room::render(camera, at(0));
   const auto same = [&](RollingShutter shutter, const Twist& velocity) {
-    shutter.follow(f.depth.view(), velocity);
+    shutter.follow(f.view(), velocity);
     Image<float> grey;
-    shutter.intensity(f.intensity.view(), grey);
+    shutter.intensity(f.view(), grey);
     bool equal = true;
     for (std::size_t i = 0; i < grey.size(); ++i) {
       equal = equal && grey.data()[i] == f.intensity.data()[i] && shutter.depth().data()[i] == f.depth.data()[i];
@@ -102,19 +103,18 @@ TEST_CASE("a camera that rests, and one that reads all rows at once, leave the i
 
 TEST_CASE("depth that was not measured stays so, and velocities of any size lead to no pixel outside of the image") {
   const Pinhole camera = room::camera();
-  const room::Frame f = room::render(camera, at(0));
-  Image<float> depth = f.depth;
+  room::Frame f = room::render(camera, at(0));
   const float none[] = {0, -1, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()};
   for (int y = 100; y < 140; ++y) {
-    for (int x = 100; x < 140; ++x) depth(x, y) = none[(x + y) % 4];
+    for (int x = 100; x < 140; ++x) f.depth(x, y) = none[(x + y) % 4];
   }
   RollingShutter shutter(camera, 0.03);
-  shutter.follow(depth.view(), velocity_at(0.1), 0.005);
+  shutter.follow(f.view(), velocity_at(0.1), 0.005);
   CHECK(shutter.depth()(120, 120) == 0.0F);
   for (std::size_t i = 0; i < shutter.depth().size(); ++i) REQUIRE(std::isfinite(shutter.depth().data()[i]));
   Twist fast;
   fast << 60, -50, 40, 60, -50, 40;
-  shutter.follow(depth.view(), fast, 0.2);
+  shutter.follow(f.view(), fast, 0.2);
   for (int y = 0; y < camera.height; ++y) {
     for (int x = 0; x < camera.width; ++x) {
       REQUIRE(shutter.map_x()(x, y) >= 0);
@@ -170,8 +170,11 @@ TEST_CASE("frames without a neighbour, far apart or without texture tell no velo
   velocity.push(f.view(1.1));
   REQUIRE(velocity.of_frame_before());  // from the frame after alone
   CHECK(norm(*velocity.of_frame_before()) < 1e-3);
-  velocity.reset();
+  const room::Frame moved = room::render(camera, at(1.0 / 30));
+  velocity.push(moved.view(1.1 + 1e-6));  // centimetres within a microsecond
   CHECK_FALSE(velocity.of_latest_frame());
+  velocity.reset();
+  CHECK_FALSE(velocity.of_frame_before());
 }
 
 TEST_CASE("alignment of frames that a rolling shutter has read is more exact once they are mended") {
@@ -188,9 +191,9 @@ TEST_CASE("alignment of frames that a rolling shutter has read is more exact onc
     if (i < 2) continue;
     const room::Frame& before = all[static_cast<std::size_t>(i - 1)].seen;
     REQUIRE(velocity.of_frame_before());
-    shutter.follow(before.depth.view(), *velocity.of_frame_before(), 0.008);
+    shutter.follow(before.view(), *velocity.of_frame_before(), 0.008);
     mended.emplace_back();
-    shutter.intensity(before.intensity.view(), mended.back().intensity);
+    shutter.intensity(before.view(), mended.back().intensity);
     mended.back().depth = shutter.depth();
   }
   double raw = 0;
@@ -223,15 +226,20 @@ TEST_CASE("what is no rolling shutter is refused") {
   refused([&] { RollingShutter(camera, 0.3); }, "readout must be in [-0.2, 0.2] s");
   refused([&] { RollingShutter(camera, nan); }, "readout must be in [-0.2, 0.2] s");
   RollingShutter shutter(camera, 0.03);
-  const Image<float> depth(160, 120, 1.0F);
-  const Image<float> other(80, 60, 1.0F);
+  const Image<float> image(160, 120, 0.5F);
+  const Image<float> other(80, 60, 0.5F);
+  const RgbdFrame f{0, image, image};
   Image<float> grey;
-  refused([&] { shutter.intensity(depth.view(), grey); }, "call follow() first");
-  refused([&] { shutter.follow(other.view(), zeros<Twist>()); }, "another size");
+  refused([&] { shutter.intensity(f, grey); }, "call follow() for the frame first");
+  refused([&] { shutter.follow(RgbdFrame{0, image, other}, zeros<Twist>()); }, "another size");
+  refused([&] { shutter.follow(RgbdFrame{0, other, image}, zeros<Twist>()); }, "another size");
+  Pinhole elsewhere = camera;
+  elsewhere.cx += 1;
+  refused([&] { shutter.follow(frame(0, image, image, elsewhere), zeros<Twist>()); }, "another camera");
   Twist v = zeros<Twist>();
-  refused([&] { shutter.follow(depth.view(), v, nan); }, "depth_delay must be in [-0.2, 0.2] s");
+  refused([&] { shutter.follow(f, v, nan); }, "depth_delay must be in [-0.2, 0.2] s");
   for (const double wrong : {nan, 101.0}) {
     v(4) = wrong;
-    refused([&] { shutter.follow(depth.view(), v); }, "velocity must be at most 100 m/s and 100 rad/s");
+    refused([&] { shutter.follow(f, v); }, "velocity must be at most 100 m/s and 100 rad/s");
   }
 }

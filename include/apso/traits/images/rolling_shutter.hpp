@@ -1,16 +1,16 @@
 /// \file
 /// Images of a camera that reads its rows one after another, as if all had been read at one time.
 ///
-/// While the camera moves, each row is seen from another place: at 100 degrees per second the last row of a Kinect is 26 pixels from where
+/// While the camera moves, each row is seen from another place: at 100 degrees per second the last row of a Kinect is 27 pixels from where
 /// it would be at the time of the first. The depth image is read in the same way, often some milliseconds before or after the colour
 /// image. Both are brought to the time of the middle row of the colour image, by the velocity of the camera
 /// (refinement/camera_velocity.hpp) and the depth of each pixel, as Ringaby & Forssen (ICCV 2011) move the points of a range sensor.
 ///
 /// \code
 /// apso::RollingShutter shutter(camera, 0.03);  // seconds from the first row to the last
-/// shutter.follow(depth, velocity, depth_stamp - colour_stamp);
-/// shutter.intensity(grey, mended_grey);
-/// use(mended_grey, shutter.depth());
+/// shutter.follow(frame, velocity, depth_stamp - colour_stamp);
+/// shutter.intensity(frame, intensity);
+/// use(intensity, shutter.depth());
 /// \endcode
 #pragma once
 
@@ -51,14 +51,13 @@ class RollingShutter {
   [[nodiscard]] double readout() const { return readout_; }
 
   /// Finds where each pixel was seen.
-  /// \param depth of the frame, in metres. Where it is not known, that of the pixel to the left counts, or no translation
+  /// \param frame where its depth is not known, that of the pixel to the left counts; without one, only the rotation
   /// \param velocity of the camera (v, w) in its own frame at the time t of the middle row [m/s, rad/s]:
-  ///        T_world_camera(t + s) = T_world_camera(t) Exp(s velocity)
+  ///        T_world_camera(t + s) = T_world_camera(t) Exp(s velocity);
   ///        each part at most kFastest long
   /// \param depth_delay time of the depth image less that of the colour image [s], in [-kLongest, kLongest]
-  void follow(const AnyImage& depth, const Twist& velocity, double depth_delay = 0) {
-    expects(depth.width() == camera_.width && depth.height() == camera_.height,
-            "RollingShutter: the image has another size than the camera it was made for");
+  void follow(const AnyFrame& frame, const Twist& velocity, double depth_delay = 0) {
+    check(frame);
     expects(translation_norm(velocity) <= kFastest && rotation_norm(velocity) <= kFastest,
             "RollingShutter: velocity must be at most 100 m/s and 100 rad/s");
     expects(std::abs(depth_delay) <= kLongest, "RollingShutter: depth_delay must be in [-0.2, 0.2] s");
@@ -68,7 +67,7 @@ class RollingShutter {
     moved_.resize(w, h);
     map_x_.resize(w, h);
     map_y_.resize(w, h);
-    for (int y = 0; y < h; ++y) read_row(depth, y, seen_.row(y));
+    for (int y = 0; y < h; ++y) read_row(frame.depth(), y, seen_.row(y));
     for (int y = 0; y < h; ++y) follow_row(y, velocity, static_cast<float>(depth_delay));
   }
 
@@ -78,23 +77,34 @@ class RollingShutter {
   [[nodiscard]] const Image<float>& map_x() const { return map_x_; }
   [[nodiscard]] const Image<float>& map_y() const { return map_y_; }
 
-  /// Intensity in [0,1], interpolated bilinearly.
-  void intensity(const AnyImage& image, Image<float>& out) {
-    expects(image.width() == map_x_.width() && image.height() == map_x_.height(),
-            "RollingShutter: call follow() first, with a depth image of the size of the intensity");
-    read_.resize(image.width(), image.height());
-    for (int y = 0; y < image.height(); ++y) read_row(image, y, read_.row(y));
-    out.resize(image.width(), image.height());
-    for (int y = 0; y < image.height(); ++y) {
+  /// Intensity at that time in [0,1], interpolated bilinearly between pixels; not finite where one of them is not.
+  /// \param frame that of follow()
+  void intensity(const AnyFrame& frame, Image<float>& out) {
+    expects(!map_x_.empty(), "RollingShutter: call follow() for the frame first");
+    check(frame);
+    const int w = camera_.width;
+    const int h = camera_.height;
+    read_.resize(w, h);
+    for (int y = 0; y < h; ++y) read_row(frame.intensity(), y, read_.row(y));
+    out.resize(w, h);
+    for (int y = 0; y < h; ++y) {
       const float* u = map_x_.row(y);
       const float* v = map_y_.row(y);
-      for (int x = 0; x < image.width(); ++x) out(x, y) = interpolated(u[x], v[x]);
+      float* row = out.row(y);
+      for (int x = 0; x < w; ++x) row[x] = interpolated(u[x], v[x]);
     }
   }
 
  private:
   static constexpr float kLeast = 0.5F;  // of 1 - what a row moves while the next is read: faster is not followed
 
+  void check(const AnyFrame& f) const {
+    const auto fits = [&](const AnyImage& image) { return image.width() == camera_.width && image.height() == camera_.height; };
+    expects(fits(f.intensity()) && fits(f.depth()), "RollingShutter: the frame has another size than the camera");
+    const Pinhole& c = f.camera;
+    expects(c.width == 0 || (c.fx == camera_.fx && c.fy == camera_.fy && c.cx == camera_.cx && c.cy == camera_.cy),
+            "RollingShutter: the frame was taken with another camera");
+  }
   [[nodiscard]] static bool measured(float z) { return z > 1e-3F && z < 1e6F; }  // [m]; false for NaN
   void follow_row(int y, const Twist& velocity, float delay) {
     const int w = camera_.width;
