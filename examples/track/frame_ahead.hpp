@@ -4,9 +4,7 @@
 
 #include <array>
 #include <cstddef>
-#include <cstdio>
 #include <future>
-#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -60,15 +58,8 @@ class FrameAhead {
     source_->load(i, out.images);
     out.load_ms = watch.lap();
     out.features_ms = 0;
-    // Time only goes on: a frame that came twice, or too late, would count as motion within no time.
-    const double stamp = out.images.timestamp;
-    if (out.images.ok() && !(stamp > latest_)) {
-      char text[120];
-      std::snprintf(text, sizeof text, "its stamp, %.6f, is not later than %.6f, which a frame before has", stamp, latest_);
-      out.images.error = text;
-    }
+    time_.check(out.images);
     if (!out.images.ok()) return;
-    latest_ = stamp;
     if (kept_) {
       kept_->see(out.images.gray);
       if (kept_->read(i, out.features, out.features_ms)) {
@@ -96,7 +87,7 @@ class FrameAhead {
   int frames_;
   bool thread_;
   int next_ = 0;
-  double latest_ = -std::numeric_limits<double>::infinity();  // stamp of a frame that was loaded
+  TimeGoesOn time_;
   std::size_t current_ = 0;
   std::array<ReadyFrame, 2> frame_;
   std::optional<KeptFeatures> kept_;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <set>
@@ -54,6 +55,25 @@ struct LoadedFrame : apso::opencv::SequenceFrame {
     views.colour = apso::opencv::as_colour(colour);
     return views;
   }
+};
+
+/// Time only goes on: a frame that came twice, or too late, would count as motion within no time.
+class TimeGoesOn {
+ public:
+  /// Makes a frame broken that is not later than one before.
+  void check(LoadedFrame& frame) {
+    if (!frame.ok()) return;
+    if (frame.timestamp > latest_) {
+      latest_ = frame.timestamp;
+      return;
+    }
+    char text[120];
+    std::snprintf(text, sizeof text, "its stamp, %.6f, is not later than %.6f, which a frame before has", frame.timestamp, latest_);
+    frame.error = text;
+  }
+
+ private:
+  double latest_ = -std::numeric_limits<double>::infinity();  // [s]
 };
 
 class FrameSource {

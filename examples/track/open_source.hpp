@@ -18,6 +18,22 @@
 
 namespace track {
 
+/// The camera that a command line names: by its name, or by a YAML file.
+inline apso::opencv::CameraModel open_camera(const std::string& camera) {
+  if (camera.find('.') != std::string::npos && std::filesystem::is_directory(camera))
+    throw apso::io_error(camera + ": is a folder, expected a YAML file");
+  // a folder of results may well be called bonn
+  const bool is_file = (std::filesystem::exists(camera) && !std::filesystem::is_directory(camera)) || camera.find('.') != std::string::npos;
+  return is_file ? apso::camera_from_yaml(camera) : apso::camera_by_name(camera);
+}
+
+/// A recording on disk as images of a pinhole, each of one time: without distortion of the lens, and with a rolling shutter undone.
+inline std::unique_ptr<FrameSource> open_recording(const std::string& folder, const apso::opencv::CameraModel& camera) {
+  std::unique_ptr<FrameSource> source = std::make_unique<RecordedSource>(folder, camera);
+  if (camera.readout != 0) source = std::make_unique<ShutterSource>(std::move(source), camera.readout);
+  return source;
+}
+
 /// The recording that the command line names.
 inline std::unique_ptr<FrameSource> open_source(const Arguments& a) {
   if (a.synthetic()) {
@@ -33,15 +49,7 @@ inline std::unique_ptr<FrameSource> open_source(const Arguments& a) {
         "--camera is needed for a recording: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim, or a YAML file (wrong "
         "intrinsics or a wrong depth scale give a wrong trajectory silently, so there is no default)");
   }
-  if (a.camera.find('.') != std::string::npos && std::filesystem::is_directory(a.camera))
-    throw apso::io_error(a.camera + ": is a folder, expected a YAML file");
-  // a folder of results may well be called bonn
-  const bool is_file =
-      (std::filesystem::exists(a.camera) && !std::filesystem::is_directory(a.camera)) || a.camera.find('.') != std::string::npos;
-  const apso::opencv::CameraModel camera = is_file ? apso::camera_from_yaml(a.camera) : apso::camera_by_name(a.camera);
-  std::unique_ptr<FrameSource> source = std::make_unique<RecordedSource>(a.sequence, camera);
-  if (camera.readout != 0) source = std::make_unique<ShutterSource>(std::move(source), camera.readout);
-  return source;
+  return open_recording(a.sequence, open_camera(a.camera));
 }
 
 }  // namespace track

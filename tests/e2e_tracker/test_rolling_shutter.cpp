@@ -1,7 +1,8 @@
-// apso_track on a recording whose rows were read one after another, and whose depth came later than its colour.
+// apso_track and apso_rectify on a recording whose rows were read one after another, and whose depth came later than its colour.
 #ifdef APSO_MINIMAL_TRACKER
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
@@ -13,8 +14,10 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include <apso/evaluation/trajectory.hpp>
+#include <apso/io/camera_yaml.hpp>
 #include <apso/io/tum_text.hpp>
 #include <apso/math/se3.hpp>
+#include <apso/opencv/rgbd_sequence.hpp>
 
 #include "../refinement/room.hpp"
 #include "../run_program.hpp"
@@ -89,6 +92,19 @@ std::string text(const fs::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
+// Share of pixels whose colour or depth is not the true one.
+double difference(const apso::opencv::SequenceFrame& f, const room::Frame& truth) {
+  double wrong = 0;
+  for (int y = 20; y < 460; ++y) {
+    for (int x = 20; x < 620; ++x) {
+      const bool colour = std::abs(f.intensity(x, y) - truth.intensity(x, y)) > 0.05F;
+      const bool depth = std::abs(f.depth(x, y) - truth.depth(x, y)) > 0.02F;
+      wrong += colour || depth ? 1 : 0;
+    }
+  }
+  return wrong / (440.0 * 600.0);
+}
+
 }  // namespace
 
 TEST_CASE("a recording of a rolling shutter is tracked as one of a global shutter, with any number of threads") {
@@ -138,5 +154,68 @@ TEST_CASE("a recording of a rolling shutter is tracked as one of a global shutte
   const auto broken = track("rolling.yaml", "", "broken");
   CHECK(broken["frames"]["with_pose"] == 39);
   CHECK(broken["final"]["ate"]["rmse"].get<double>() < global["final"]["ate"]["rmse"].get<double>());
+}
+
+TEST_CASE("apso_rectify writes what a pinhole with a global shutter would have seen") {
+  const Folder f;
+  const fs::path in = f.path / "in";
+  constexpr int frames = 12;
+  record(in, frames);
+  const auto rectify = [&](const std::string& camera, const std::string& out) {
+    return run(std::string(APSO_RECTIFY) + " " + in.string() + " --camera " + (in / camera).string() + " --output " + out, f.path);
+  };
+  const fs::path out = f.path / "out";
+  const Outcome done = rectify("rolling.yaml", out.string());
+  INFO(done.text);
+  REQUIRE(done.code == 0);
+  CHECK(done.text.find("12 of 12 frames") != std::string::npos);
+  CHECK(done.text.find("12 frames brought to one time") != std::string::npos);
+
+  // the camera is that of images of one time, and the truth came along
+  const apso::CameraModel camera = apso::camera_from_yaml((out / "camera.yaml").string());
+  CHECK(camera.readout == 0);
+  CHECK_FALSE(camera.distorted());
+  CHECK(apso::read_trajectory((out / "groundtruth.txt").string()).size() == frames);
+
+  const apso::opencv::RgbdSequence as_read(in.string(), apso::camera_from_yaml((in / "global.yaml").string()));
+  const apso::opencv::RgbdSequence mended(out.string(), camera);
+  REQUIRE(mended.size() == frames);
+  double before = 0;
+  double after = 0;
+  for (int i = 0; i < frames; ++i) {
+    CHECK(mended.timestamp(i) == doctest::Approx(as_read.timestamp(i)).epsilon(1e-9));
+    const room::Frame truth = room::render(room::camera(640), at(mended.timestamp(i)), kSlab);
+    before += difference(as_read.frame(i), truth);
+    after += difference(mended.frame(i), truth);
+    CHECK(mended.frame(i).depth_delay == 0);
+  }
+  CAPTURE(before);
+  CAPTURE(after);
+  CHECK(after < 0.5 * before);
+
+  // without a readout and without distortion nothing changes
+  const fs::path same = f.path / "same";
+  REQUIRE(rectify("global.yaml", same.string()).code == 0);
+  const apso::opencv::RgbdSequence copy(same.string(), camera);
+  const apso::opencv::SequenceFrame a = as_read.frame(3);
+  const apso::opencv::SequenceFrame b = copy.frame(3);
+  CHECK(cv::norm(a.colour, b.colour, cv::NORM_INF) == 0);
+  CHECK(std::equal(a.depth.data(), a.depth.data() + a.depth.size(), b.depth.data()));
+  CHECK(rectify("global.yaml", same.string()).code == 0);  // its own work may be replaced
+
+  // a broken frame is told and left out; a recording is never written into
+  std::ofstream(in / "depth" / (std::to_string(1 + 5 / 30.0) + ".png"), std::ios::trunc) << "no picture";
+  const Outcome broken = rectify("rolling.yaml", out.string());
+  CHECK(broken.code == 0);
+  CHECK(broken.text.find("frame 5 is left out") != std::string::npos);
+  CHECK(broken.text.find("11 of 12 frames") != std::string::npos);
+  CHECK(apso::opencv::RgbdSequence(out.string(), camera).size() == 11);
+  const Outcome into = rectify("rolling.yaml", (in / "mended").string());
+  CHECK(into.code == 1);
+  CHECK(into.text.find("only read") != std::string::npos);
+  fs::remove_all(in / "depth");
+  const Outcome none = rectify("rolling.yaml", out.string());
+  CHECK(none.code == 1);
+  CHECK(apso::opencv::RgbdSequence(out.string(), camera).size() == 11);  // what was there stays
 }
 #endif
