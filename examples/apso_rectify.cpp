@@ -18,7 +18,7 @@ namespace {
 int run(const std::string& recording, const std::string& camera_name, const std::string& output, bool quiet) {
   const apso::opencv::CameraModel camera = track::open_camera(camera_name);
   track::keep_apart(output, {{"the recording", recording}, {"--camera", camera_name.find('.') == std::string::npos ? "" : camera_name}});
-  const std::unique_ptr<track::FrameSource> source = track::open_recording(recording, camera);
+  const std::unique_ptr<track::FrameSource> source = track::open_recording(recording, camera, true);
   for (const std::string& warning : source->warnings()) std::fprintf(stderr, "warning: %s\n", warning.c_str());
   track::RecordingWriter out(output, camera.depth_scale);
   track::LoadedFrame frame;

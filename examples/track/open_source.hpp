@@ -14,6 +14,7 @@
 
 #include "arguments.hpp"
 #include "frame_source.hpp"
+#include "read_ahead.hpp"
 #include "shutter_source.hpp"
 
 namespace track {
@@ -28,8 +29,10 @@ inline apso::opencv::CameraModel open_camera(const std::string& camera) {
 }
 
 /// A recording on disk as images of a pinhole, each of one time: without distortion of the lens, and with a rolling shutter undone.
-inline std::unique_ptr<FrameSource> open_recording(const std::string& folder, const apso::opencv::CameraModel& camera) {
+/// \param thread true: the next frame is read on a thread of its own
+inline std::unique_ptr<FrameSource> open_recording(const std::string& folder, const apso::opencv::CameraModel& camera, bool thread) {
   std::unique_ptr<FrameSource> source = std::make_unique<RecordedSource>(folder, camera);
+  if (thread) source = std::make_unique<ReadAhead>(std::move(source));
   if (camera.readout != 0) source = std::make_unique<ShutterSource>(std::move(source), camera.readout);
   return source;
 }
@@ -49,7 +52,7 @@ inline std::unique_ptr<FrameSource> open_source(const Arguments& a) {
         "--camera is needed for a recording: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim, or a YAML file (wrong "
         "intrinsics or a wrong depth scale give a wrong trajectory silently, so there is no default)");
   }
-  return open_recording(a.sequence, open_camera(a.camera));
+  return open_recording(a.sequence, open_camera(a.camera), a.threads > 1);
 }
 
 }  // namespace track

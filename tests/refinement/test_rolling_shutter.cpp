@@ -125,6 +125,32 @@ TEST_CASE("depth that was not measured stays so, and velocities of any size lead
   }
 }
 
+TEST_CASE("a narrower image is mended as the left part of a wider one, whatever its width") {
+  const Pinhole camera = room::camera();
+  const room::Frame f = room::render(camera, at(0.1));
+  RollingShutter shutter(camera, 0.03);
+  shutter.follow(f.view(), velocity_at(0.1), 0.005);
+  for (const int width : {1, 3, 47, 64, 301}) {
+    CAPTURE(width);
+    Pinhole narrow = camera;
+    narrow.width = width;
+    RgbdFrame part = f.view();
+    part.intensity.width = part.depth.width = width;  // same rows
+    RollingShutter same(narrow, 0.03);
+    same.follow(part, velocity_at(0.1), 0.005);
+    bool equal = true;
+    for (int y = 0; y < camera.height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        equal = equal && same.map_y()(x, y) == shutter.map_y()(x, y);
+        const float u = shutter.map_x()(x, y);
+        if (u > static_cast<float>(width - 1)) continue;  // seen beyond the narrow image
+        equal = equal && same.map_x()(x, y) == u;
+      }
+    }
+    CHECK(equal);
+  }
+}
+
 TEST_CASE("the velocity at a frame comes from the frames beside it, better than from the one before alone") {
   const Pinhole camera = room::camera();
   const double step = 1.0 / 30;

@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -203,11 +202,13 @@ class RgbdSequence {
   [[nodiscard]] static std::string load(const std::string& path, int flags, cv::Mat& image) {
     std::error_code code;
     if (!std::filesystem::is_regular_file(path, code)) return path + ": no such file, expected an image";
+    const std::uintmax_t size = std::filesystem::file_size(path, code);
+    std::vector<char> bytes(code ? 0 : static_cast<std::size_t>(size));
     std::ifstream file(path, std::ios::binary);
-    const std::vector<char> bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+    file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
     if (!file || bytes.empty()) return path + ": empty or not readable, expected an image";
     try {
-      image = cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data())), flags);
+      image = cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data()), flags);
     } catch (const cv::Exception& e) {
       return path + ": not an image that can be decoded (" + e.err + ")";
     }

@@ -15,11 +15,14 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/math/lanes/lanes.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/traits/any.hpp>
 #include <apso/types/image_view.hpp>
@@ -41,11 +44,11 @@ class RollingShutter {
   RollingShutter(const Pinhole& camera, double readout) : camera_(camera), readout_(readout) {
     camera.validate();
     expects(std::abs(readout) <= kLongest, "RollingShutter: readout must be in [-0.2, 0.2] s");
-    x_.resize(static_cast<std::size_t>(camera.width));
+    x_.resize(static_cast<std::size_t>(camera.width + kLanes));
     for (int x = 0; x < camera.width; ++x) x_[static_cast<std::size_t>(x)] = static_cast<float>((x - camera.cx) / camera.fx);
     inverse_depth_.resize(x_.size());
-    depth_x_.resize(x_.size());
-    depth_y_.resize(x_.size());
+    seen_.resize(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height) + kLanes);
+    for (int i = 0; i < kLanes; ++i) count_[static_cast<std::size_t>(i)] = static_cast<float>(i);
   }
 
   [[nodiscard]] double readout() const { return readout_; }
@@ -63,11 +66,10 @@ class RollingShutter {
     expects(std::abs(depth_delay) <= kLongest, "RollingShutter: depth_delay must be in [-0.2, 0.2] s");
     const int w = camera_.width;
     const int h = camera_.height;
-    seen_.resize(w, h);
     moved_.resize(w, h);
     map_x_.resize(w, h);
     map_y_.resize(w, h);
-    for (int y = 0; y < h; ++y) read_row(frame.depth(), y, seen_.row(y));
+    for (int y = 0; y < h; ++y) read_row(frame.depth(), y, seen_row(y));
     for (int y = 0; y < h; ++y) follow_row(y, velocity, static_cast<float>(depth_delay));
   }
 
@@ -105,8 +107,27 @@ class RollingShutter {
     expects(c.width == 0 || (c.fx == camera_.fx && c.fy == camera_.fy && c.cx == camera_.cx && c.cy == camera_.cy),
             "RollingShutter: the frame was taken with another camera");
   }
-  [[nodiscard]] static bool measured(float z) { return z > 1e-3F && z < 1e6F; }  // [m]; false for NaN
+  /// [m]; false for NaN.
+  [[nodiscard]] static Mask measured(const Lanes& z) { return (z > Lanes(1e-3F)) & (z < Lanes(1e6F)); }
+  /// The inverse depth of each pixel of a row, or that of the nearest to the left that has one.
+  void find_inverse_depth(int y) {
+    const int w = camera_.width;
+    const float* seen = seen_row(y);
+    for (int x = 0; x < w; x += kLanes) {
+      const Lanes z = Lanes::load(seen + x);
+      const Mask known = measured(z);
+      select(known, 1.0F / select(known, z, 1.0F), 0.0F).store(inverse_depth_.data() + x);
+    }
+    float last = 0;
+    for (int x = 0; x < w; ++x) {
+      float& k = inverse_depth_[static_cast<std::size_t>(x)];
+      last = k > 0 ? k : last;
+      k = last;
+    }
+  }
   void follow_row(int y, const Twist& velocity, float delay) {
+    using std::max;
+    using std::min;
     const int w = camera_.width;
     const int h = camera_.height;
     const auto fx = static_cast<float>(camera_.fx);
@@ -117,49 +138,58 @@ class RollingShutter {
     const auto row_time = static_cast<float>(readout_ / h);             // from one row to the next
     const auto first = static_cast<float>(readout_ * (0.5 / h - 0.5));  // time of row 0
     const auto yf = static_cast<float>(y);
-    const float* seen = seen_.row(y);
-    float known = 0;
-    for (int x = 0; x < w; ++x) {
-      if (measured(seen[x])) known = 1 / seen[x];
-      inverse_depth_[static_cast<std::size_t>(x)] = known;
-    }
+    const auto width = static_cast<float>(w);
+    const auto height = static_cast<float>(h);
+    find_inverse_depth(y);
     float* map_x = map_x_.row(y);
     float* map_y = map_y_.row(y);
-    float* depth_x = depth_x_.data();
-    float* depth_y = depth_y_.data();
-    const float* ray = x_.data();
-    const float* inverse_depth = inverse_depth_.data();
-    const float right = static_cast<float>(w - 1);
-    const float bottom = static_cast<float>(h - 1);
-    for (int x = 0; x < w; ++x) {
-      const float X = ray[x];
-      const float k = inverse_depth[x];
-      // velocity of a point that stands still, seen from the camera, by its depth
-      const float qx = -(vx * k + wy - wz * Y);
-      const float qy = -(vy * k + wz * X - wx);
-      const float qz = -(vz * k + wx * Y - wy * X);
-      const float flow_x = fx * (qx - X * qz);  // [px/s]
-      const float flow_y = fy * (qy - Y * qz);
-      // it was seen in row r = y + flow_y s(r) at time s(r) = first + row_time r, in the depth image `delay` later
-      const float slower = 1 / std::max(1 - flow_y * row_time, kLeast);
-      const float r = (yf + flow_y * first) * slower;
-      map_y[x] = std::min(std::max(r, 0.0F), bottom);
-      map_x[x] = std::min(std::max(static_cast<float>(x) + flow_x * (first + row_time * r), 0.0F), right);
-      depth_y[x] = (yf + flow_y * (first + delay)) * slower;
-      depth_x[x] = static_cast<float>(x) + flow_x * (delay + first + row_time * depth_y[x]);
-    }
     float* moved = moved_.row(y);
-    for (int x = 0; x < w; ++x) {
-      const float u = depth_x[x] + 0.5F;
-      const float v = depth_y[x] + 0.5F;
-      moved[x] = 0;
-      if (!(u > 0 && v > 0 && u < static_cast<float>(w) && v < static_cast<float>(h))) continue;
-      const float z = seen_(static_cast<int>(u), static_cast<int>(v));
-      if (!measured(z)) continue;
-      const float z_now = z + (delay + first + row_time * depth_y[x]) * (vz + z * (wx * Y - wy * ray[x]));
-      if (z_now > 0) moved[x] = z_now;
+    for (int x = 0; x < w; x += kLanes) {
+      const auto offset = static_cast<std::size_t>(x);
+      const Lanes column = Lanes(static_cast<float>(x)) + Lanes::load(count_.data());
+      const Lanes X = Lanes::load(x_.data() + offset);
+      const Lanes k = Lanes::load(inverse_depth_.data() + offset);
+      // velocity of a point that stands still, seen from the camera, by its depth
+      const Lanes qx = -(vx * k + wy - wz * Y);
+      const Lanes qy = -(vy * k + wz * X - wx);
+      const Lanes qz = -(vz * k + wx * Y - wy * X);
+      const Lanes flow_x = fx * (qx - X * qz);  // [px/s]
+      const Lanes flow_y = fy * (qy - Y * qz);
+      // it was seen in row r = y + flow_y s(r) at time s(r) = first + row_time r, in the depth image `delay` later
+      const Lanes slower = 1.0F / max(1.0F - flow_y * row_time, Lanes(kLeast));
+      const Lanes r = (yf + flow_y * first) * slower;
+      const int n = min(kLanes, w - x);
+      store(min(max(r, Lanes(0.0F)), Lanes(height - 1)), n, map_y + x);
+      store(min(max(column + flow_x * (first + row_time * r), Lanes(0.0F)), Lanes(width - 1)), n, map_x + x);
+
+      const Lanes depth_y = (yf + flow_y * (first + delay)) * slower;
+      const Lanes time = delay + first + row_time * depth_y;
+      const Lanes u = column + flow_x * time + 0.5F;
+      const Lanes v = depth_y + 0.5F;
+      const Mask inside = (u > Lanes(0.0F)) & (v > Lanes(0.0F)) & (u < Lanes(width)) & (v < Lanes(height));
+      const Lanes z = nearest(select(inside, u, 0.0F), select(inside, v, 0.0F));
+      const Lanes z_now = z + time * (vz + z * (wx * Y - wy * X));
+      store(select(inside & measured(z) & (z_now > Lanes(0.0F)), z_now, 0.0F), n, moved + x);
     }
   }
+  /// The first n lanes.
+  static APSO_INLINE void store(const Lanes& v, int n, float* to) {
+    if (n == kLanes) {
+      v.store(to);
+    } else {
+      std::memcpy(to, &v.v, sizeof(float) * static_cast<std::size_t>(n));
+    }
+  }
+  /// Depth of the pixels (u, v), inside of the image, rounded down.
+  [[nodiscard]] APSO_INLINE Lanes nearest(const Lanes& u, const Lanes& v) const {
+    const IntLanes column = to_int(u);
+    const IntLanes row = to_int(v);
+    float z[kLanes];
+    for (int i = 0; i < kLanes; ++i) z[i] = seen_row(row[i])[column[i]];
+    return Lanes::load(z);
+  }
+  [[nodiscard]] float* seen_row(int y) { return seen_.data() + static_cast<std::ptrdiff_t>(camera_.width) * y; }
+  [[nodiscard]] const float* seen_row(int y) const { return seen_.data() + static_cast<std::ptrdiff_t>(camera_.width) * y; }
   [[nodiscard]] float interpolated(float u, float v) const {
     const int x0 = static_cast<int>(u);
     const int y0 = static_cast<int>(v);
@@ -172,12 +202,13 @@ class RollingShutter {
 
   Pinhole camera_;
   double readout_;
-  std::vector<float> x_;                  // of the ray (x, y, 1) of each column
-  std::vector<float> inverse_depth_;      // of one row [1/m]
-  std::vector<float> depth_x_, depth_y_;  // where the pixels of one row lie in the depth image [px]
-  Image<float> seen_, moved_;             // depth [m]
-  Image<float> map_x_, map_y_;            // [px]
-  Image<float> read_;                     // intensity as it was read
+  std::array<float, kLanes> count_;   // 0, 1, 2 ...
+  std::vector<float> x_;              // of the ray (x, y, 1) of each column; as the next two with room for Lanes beyond the end
+  std::vector<float> inverse_depth_;  // of one row [1/m]
+  std::vector<float> seen_;           // depth as it was read [m]
+  Image<float> moved_;                // depth [m]
+  Image<float> map_x_, map_y_;        // [px]
+  Image<float> read_;                 // intensity as it was read
 };
 
 APSO_NAMESPACE_END
