@@ -9,7 +9,7 @@
 #include <CLI/CLI.hpp>
 
 #include "track/command_line.hpp"
-#include "track/open_source.hpp"
+#include "track/open_recording.hpp"
 #include "track/progress.hpp"
 #include "track/recording_writer.hpp"
 

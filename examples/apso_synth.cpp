@@ -12,10 +12,10 @@
 #include <apso/evaluation/trajectory.hpp>
 #include <apso/testing/synthetic.hpp>
 
-#include "track/arguments.hpp"
 #include "track/command_line.hpp"
 #include "track/progress.hpp"
 #include "track/recording_writer.hpp"
+#include "track/sensor_option.hpp"
 
 namespace {
 

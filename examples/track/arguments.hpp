@@ -17,6 +17,7 @@
 #include "command_line.hpp"
 #include "config.hpp"
 #include "results.hpp"
+#include "sensor_option.hpp"
 #include "spoil.hpp"
 #include "video.hpp"
 
@@ -84,17 +85,6 @@ inline apso::ClassList class_list(const Arguments& a) {
     list.movable.push_back(id);
   }
   return list;
-}
-
-/// Adds the option --sensor.
-inline void add_sensor(CLI::App& app, apso::testing::DepthSensor& sensor, const std::string& what) {
-  const auto names = enum_names(sensor);
-  const auto choose = [&sensor, names](const std::string& name) {
-    const auto found = std::find(names.begin(), names.end(), name);
-    sensor = static_cast<apso::testing::DepthSensor>(found - names.begin());
-  };
-  app.add_option_function<std::string>("--sensor", choose, what + ": the one that alignment expects, or another (default structured_light)")
-      ->check(CLI::IsMember(std::vector<std::string>(names.begin(), names.end())));
 }
 
 /// Classes that do not exist and options that would not be used in a run are wrong usage.

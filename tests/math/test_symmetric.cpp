@@ -16,42 +16,44 @@ using namespace apso;
 namespace {
 constexpr double eps = std::numeric_limits<double>::epsilon();
 
-template <int N>
-Eigen::Matrix<double, N, N> random_matrix(std::mt19937& random) {
+// What is compared is computed with matrices of any size: those of Eigen are compiled once then, and not for each N.
+using Eigen::MatrixXd;
+
+MatrixXd random_matrix(std::mt19937& random, int n) {
   std::normal_distribution<double> normal(0, 1);
-  Eigen::Matrix<double, N, N> m;
-  for (int i = 0; i < N; ++i) {
-    for (int j = 0; j < N; ++j) m(i, j) = normal(random);
+  MatrixXd m(n, n);
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) m(i, j) = normal(random);
   }
   return m;
 }
 
 // Positive definite with a condition number of up to 10^decades.
-template <int N>
-Eigen::Matrix<double, N, N> positive(std::mt19937& random, double decades) {
-  const Eigen::MatrixXd Q = Eigen::MatrixXd(random_matrix<N>(random)).householderQr().householderQ();
-  Eigen::Matrix<double, N, 1> d;
-  for (int i = 0; i < N; ++i) d(i) = std::pow(10.0, -decades * i / (N > 1 ? N - 1 : 1));
-  const Eigen::Matrix<double, N, N> A = Q * d.asDiagonal() * Q.transpose();
+MatrixXd positive(std::mt19937& random, int n, double decades) {
+  const MatrixXd Q = random_matrix(random, n).householderQr().householderQ();
+  Eigen::VectorXd d(n);
+  for (int i = 0; i < n; ++i) d(i) = std::pow(10.0, -decades * i / (n > 1 ? n - 1 : 1));
+  const MatrixXd A = Q * d.asDiagonal() * Q.transpose();
   return 0.5 * (A + A.transpose());
 }
 
 template <int N>
 void check_solve() {
+  using Fixed = Eigen::Matrix<double, N, N>;
   std::mt19937 random(7 + N);
   for (int trial = 0; trial < 200; ++trial) {
-    const Eigen::Matrix<double, N, N> A = positive<N>(random, trial % 10);
-    const Eigen::Matrix<double, N, N> B = random_matrix<N>(random);
-    const Eigen::Matrix<double, N, N> X = solve_symmetric(A, B);
+    const MatrixXd A = positive(random, N, trial % 10);
+    const MatrixXd B = random_matrix(random, N);
+    const MatrixXd X = solve_symmetric(Fixed(A), Fixed(B));
     // backward stable: the residual is a few roundings of |A| |X|, whatever the condition
     CHECK((A * X - B).norm() <= 100 * N * eps * (A.norm() * X.norm() + B.norm()));
-    CHECK((A * Eigen::MatrixXd(A).ldlt().solve(Eigen::MatrixXd(B)) - B).norm() <= 100 * N * eps * (A.norm() * X.norm() + B.norm()));
+    CHECK((A * A.ldlt().solve(B) - B).norm() <= 100 * N * eps * (A.norm() * X.norm() + B.norm()));
     // only the lower triangle is read
-    Eigen::Matrix<double, N, N> lower = A;
+    MatrixXd lower = A;
     for (int i = 0; i < N; ++i) {
       for (int j = i + 1; j < N; ++j) lower(i, j) = std::nan("");
     }
-    CHECK(solve_symmetric(lower, B) == X);
+    CHECK(MatrixXd(solve_symmetric(Fixed(lower), Fixed(B))) == X);
   }
 }
 
@@ -59,17 +61,18 @@ template <int N>
 void check_eigen() {
   std::mt19937 random(70 + N);
   for (int trial = 0; trial < 200; ++trial) {
-    Eigen::Matrix<double, N, N> A = random_matrix<N>(random);
+    MatrixXd A = random_matrix(random, N);
     A = (A + A.transpose()).eval();
-    if (trial % 3 == 1) A = positive<N>(random, trial % 14);
+    if (trial % 3 == 1) A = positive(random, N, trial % 14);
     if (trial % 3 == 2) A.diagonal() = std::pow(10.0, trial % 7) * A.diagonal().eval();
-    const SymmetricEigen<N> e = eigen_symmetric(A);
-    const Eigen::Matrix<double, N, N> V = e.vectors;
-    CHECK((V.transpose() * V - Eigen::Matrix<double, N, N>::Identity()).norm() <= 50 * N * eps);
-    CHECK((A * V - V * e.values.asDiagonal()).norm() <= 50 * N * eps * A.norm());
-    for (int i = 1; i < N; ++i) CHECK(e.values(i - 1) <= e.values(i));
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> other(A);  // of any size: compiled once
-    CHECK((other.eigenvalues() - e.values).norm() <= 50 * N * eps * A.norm());
+    const SymmetricEigen<N> e = eigen_symmetric(Eigen::Matrix<double, N, N>(A));
+    const MatrixXd V = e.vectors;
+    const Eigen::VectorXd values = e.values;
+    CHECK((V.transpose() * V - MatrixXd::Identity(N, N)).norm() <= 50 * N * eps);
+    CHECK((A * V - V * values.asDiagonal()).norm() <= 50 * N * eps * A.norm());
+    for (int i = 1; i < N; ++i) CHECK(values(i - 1) <= values(i));
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> other(A);
+    CHECK((other.eigenvalues() - values).norm() <= 50 * N * eps * A.norm());
   }
 }
 }  // namespace
@@ -84,11 +87,10 @@ TEST_CASE("symmetric systems are solved as well as their condition allows") {
 TEST_CASE("a singular system gives a finite solution that still solves what can be solved") {
   std::mt19937 random(3);
   for (int rank = 0; rank < 6; ++rank) {
-    const Eigen::Matrix<double, 6, 6> M = random_matrix<6>(random);
-    Eigen::Matrix<double, 6, 6> A = Eigen::Matrix<double, 6, 6>::Zero();
+    MatrixXd A = MatrixXd::Zero(6, 6);
     for (int i = 0; i < rank; ++i) A(2 * i % 6 + (i > 2), 2 * i % 6 + (i > 2)) = 1.0 + i;  // exact zeros elsewhere
-    const Eigen::Matrix<double, 6, 1> b = A * M.col(0);
-    const Eigen::Matrix<double, 6, 1> x = solve_symmetric(A, b);
+    const Eigen::VectorXd b = A * random_matrix(random, 6).col(0);
+    const Eigen::VectorXd x = solve_symmetric(Eigen::Matrix<double, 6, 6>(A), Eigen::Matrix<double, 6, 1>(b));
     CHECK(x.allFinite());
     CHECK((A * x - b).norm() <= 1e-14 * (1 + b.norm()));
   }
@@ -124,13 +126,14 @@ TEST_CASE("equal and zero eigenvalues are no trouble") {
 TEST_CASE("a bound on the eigenvalues holds just where the smallest says so") {
   std::mt19937 random(3);
   for (int i = 0; i < 200; ++i) {
-    const Eigen::Matrix<double, 6, 6> A = positive<6>(random, 0.05 * i);
-    const double least = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>>(A).eigenvalues()(0);
+    const MatrixXd wide = positive(random, 6, 0.05 * i);
+    const Eigen::Matrix<double, 6, 6> A = wide;
+    const double least = Eigen::SelfAdjointEigenSolver<MatrixXd>(wide).eigenvalues()(0);
     const double rounding = 1e-12;  // the largest is 1
     CHECK(eigenvalues_exceed(least - 0.01 * least - rounding, A));
     CHECK_FALSE(eigenvalues_exceed(least + 0.01 * least + rounding, A));
   }
-  Eigen::Matrix<double, 6, 6> broken = positive<6>(random, 1);
+  Eigen::Matrix<double, 6, 6> broken = positive(random, 6, 1);
   broken(4, 2) = std::numeric_limits<double>::quiet_NaN();
   CHECK_FALSE(eigenvalues_exceed(0.0, broken));
 }
