@@ -29,7 +29,7 @@ int run(const std::string& recording, const std::string& camera_name, const std:
     source->load(i, frame);
     time.check(frame);
     if (frame.ok()) {
-      out.add(frame.timestamp, frame.colour, frame.depth);
+      out.add(frame.timestamp - source->stamp_delay(), frame.colour, frame.depth);
       moved += frame.from_x.empty() ? 0 : 1;
     } else {
       progress.end();

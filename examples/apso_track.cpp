@@ -219,7 +219,7 @@ std::string Run::unused() const {
 /// Writes what is not written frame by frame, and prints the result.
 void Run::write() {
   const apso::Trajectory& truth = source_->groundtruth();
-  record_.choose_largest_part();
+  record_.choose_largest_part(source_->stamp_delay());
   apso::write_trajectory(out_->file("trajectory.txt").string(), record_.final_poses);
   apso::write_trajectory(out_->file("trajectory_features.txt").string(), record_.feature_poses);
   if (!truth.empty()) apso::write_trajectory(out_->file("groundtruth.txt").string(), truth);

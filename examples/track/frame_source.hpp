@@ -94,6 +94,8 @@ class FrameSource {
   }
   /// Folders of its images, which links may place outside of the recording; none without files.
   [[nodiscard]] virtual std::set<std::string> folders() const { return {}; }
+  /// Stamp of a frame less the time at which it was seen [s].
+  [[nodiscard]] virtual double stamp_delay() const { return 0; }
   /// Known difficulty of frame i; empty if none is known.
   [[nodiscard]] virtual std::string label(int) const { return {}; }
 };
@@ -108,6 +110,7 @@ class ChangedSource : public FrameSource {
   const std::vector<std::string>& warnings() const override { return source_->warnings(); }
   double timestamp(int i) const override { return source_->timestamp(i); }
   std::set<std::string> folders() const override { return source_->folders(); }
+  double stamp_delay() const override { return source_->stamp_delay(); }
   std::string label(int i) const override { return source_->label(i); }
 
  protected:
@@ -171,6 +174,7 @@ class RecordedSource final : public FrameSource {
   const apso::Trajectory& groundtruth() const override { return truth_; }
   const std::vector<std::string>& warnings() const override { return warnings_; }
   double timestamp(int i) const override { return sequence_.timestamp(i); }
+  double stamp_delay() const override { return sequence_.camera().stamp_delay; }
   std::set<std::string> folders() const override {
     std::set<std::string> all;
     for (int i = 0; i < size(); ++i) {

@@ -20,6 +20,7 @@
 #include <apso/version.hpp>
 
 #include "output.hpp"
+#include "stamp_delay.hpp"
 #include "stamps.hpp"
 
 namespace track {
@@ -53,10 +54,11 @@ struct Record {
     changes.push_back({report.timestamp, change});
   }
   /// Poses of different parts cannot be compared: a trajectory is of one.
-  void choose_largest_part() {
+  /// \param stamp_delay stamp of a frame less the time at which it was seen [s]
+  void choose_largest_part(double stamp_delay) {
     part = all_poses.largest();
-    final_poses = all_poses.of(part);
-    feature_poses = all_features.of(part);
+    final_poses = at_stamps(all_poses.of(part), stamp_delay);
+    feature_poses = at_stamps(all_features.of(part), stamp_delay);
   }
   [[nodiscard]] int refined() const {
     return count([](const apso::FrameReport& r) { return r.refined; });

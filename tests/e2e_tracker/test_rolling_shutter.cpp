@@ -19,6 +19,7 @@
 #include <apso/math/se3.hpp>
 #include <apso/opencv/rgbd_sequence.hpp>
 
+#include "../../examples/track/stamp_delay.hpp"
 #include "../refinement/room.hpp"
 #include "../run_program.hpp"
 
@@ -85,6 +86,8 @@ void record(const fs::path& folder, int frames) {
   };
   camera_file("rolling.yaml", kReadout);
   camera_file("global.yaml", 0);
+  camera_file("late.yaml", kReadout);
+  std::ofstream(folder / "late.yaml", std::ios::app) << "stamp_delay: 0.01\n";
 }
 
 std::string text(const fs::path& file) {
@@ -131,6 +134,16 @@ TEST_CASE("a recording of a rolling shutter is tracked as one of a global shutte
 
   track("rolling.yaml", "--threads 1", "alone");
   CHECK(text(f.path / "alone/trajectory.txt") == text(f.path / "rolling/trajectory.txt"));
+
+  // a camera that gives stamps late: the same poses, moved on to the time of the stamps
+  track("late.yaml", "", "late");
+  const apso::Trajectory moved = track::at_stamps(apso::read_trajectory((f.path / "rolling/trajectory.txt").string()), 0.01);
+  const apso::Trajectory late = apso::read_trajectory((f.path / "late/trajectory.txt").string());
+  REQUIRE(late.size() == moved.size());
+  for (std::size_t i = 0; i < late.size(); ++i) {
+    CHECK(late[i].timestamp == moved[i].timestamp);
+    CHECK((late[i].T_world_body.matrix() - moved[i].T_world_body.matrix()).norm() < 1e-8);
+  }
 
   // masks of the images as they were read lie on the images as they are tracked
   const auto wrong = [&](const char* camera) {
@@ -192,6 +205,11 @@ TEST_CASE("apso_rectify writes what a pinhole with a global shutter would have s
   CAPTURE(before);
   CAPTURE(after);
   CHECK(after < 0.5 * before);
+
+  // stamps that came late are put right
+  const fs::path early = f.path / "early";
+  REQUIRE(rectify("late.yaml", early.string()).code == 0);
+  CHECK(apso::opencv::RgbdSequence(early.string(), camera).timestamp(3) == doctest::Approx(as_read.timestamp(3) - 0.01).epsilon(1e-9));
 
   // without a readout and without distortion nothing changes
   const fs::path same = f.path / "same";

@@ -38,6 +38,9 @@ TEST_CASE("a camera is read from YAML, distortion is optional") {
   CHECK(c.readout == 0);
   CHECK(message_of(kGood + "readout: -0.03\n", &c).empty());
   CHECK(c.readout == -0.03);
+  CHECK(c.stamp_delay == 0);
+  CHECK(message_of(kGood + "stamp_delay: 0.015\n", &c).empty());
+  CHECK(c.stamp_delay == 0.015);
 }
 
 TEST_CASE("a bad camera file names the field") {
@@ -45,6 +48,7 @@ TEST_CASE("a bad camera file names the field") {
   CHECK(has(message_of(kGood + "k1: much\n"), ":8: field k1 is no number"));
   CHECK(has(message_of(kGood + "k1: .nan\n"), ":8: field k1 is .nan, expected a number in [-1e+06, 1e+06]"));
   CHECK(has(message_of(kGood + "readout: 30\n"), ":8: field readout is 30, expected a number in [-0.2, 0.2]"));
+  CHECK(has(message_of(kGood + "stamp_delay: 15\n"), ":8: field stamp_delay is 15, expected a number in [-0.2, 0.2]"));
   CHECK(has(message_of(kGood + "colour: red\n"), "'colour' is not known"));
   CHECK(has(message_of("fx: -1\nfy: 510\n"), ":1: field fx is -1, expected a number in [0.001, 1e+06]"));
   CHECK(has(message_of("just text"), "expected fields"));

@@ -175,7 +175,9 @@ TEST_CASE("cameras by name") {
   CHECK_FALSE(camera_by_name("tum-fr3").distorted());
   CHECK(camera_by_name("tum-fr1").k3 == 1.1633);
   CHECK(camera_by_name("bonn").distorted());
+  CHECK(camera_by_name("tum-fr1").stamp_delay == 0.015);
   CHECK(camera_by_name("bonn").readout == 0.03);
+  CHECK(camera_by_name("bonn").stamp_delay == 0);
   CHECK(camera_by_name("icl-nuim").readout == 0);
   try {
     (void)camera_by_name("kinect");

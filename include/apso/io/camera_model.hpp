@@ -21,12 +21,14 @@ struct CameraModel {
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;  ///< order and meaning as in OpenCV
   double depth_scale = 5000;                      ///< units of the depth image per metre
   double readout = 0;                             ///< time from the first row to the last [s]; 0: all rows at once (rolling_shutter.hpp)
+  double stamp_delay = 0;                         ///< stamp of an image less the time at which its middle row was read [s]
 
   /// Limits of what is taken for a camera, besides those of Pinhole.
   static constexpr double kMinDepthScale = 1e-3;  ///< [units per metre]: kilometres
   static constexpr double kMaxDepthScale = 1e9;   ///< [units per metre]: nanometres
   static constexpr double kMaxDistortion = 1e6;   ///< of each coefficient
   static constexpr double kMaxReadout = 0.2;      ///< [s], in either direction
+  static constexpr double kMaxStampDelay = 0.2;   ///< [s], in either direction
 
   [[nodiscard]] bool distorted() const { return k1 != 0 || k2 != 0 || p1 != 0 || p2 != 0 || k3 != 0; }
 
@@ -42,6 +44,7 @@ struct CameraModel {
     expects(depth_scale >= kMinDepthScale && depth_scale <= kMaxDepthScale,
             "CameraModel: depth_scale must be > 0, in [0.001, 1e9] units per metre");
     expects(std::abs(readout) <= kMaxReadout, "CameraModel: readout must be in [-0.2, 0.2] s");
+    expects(std::abs(stamp_delay) <= kMaxStampDelay, "CameraModel: stamp_delay must be in [-0.2, 0.2] s");
     for (const double c : {k1, k2, p1, p2, k3})
       expects(std::abs(c) <= kMaxDistortion, "CameraModel: the distortion must be finite, in [-1e6, 1e6]");
   }
@@ -91,7 +94,8 @@ struct camera_traits<CameraModel> {
 
 /// Cameras of public data sets: tum-fr1, tum-fr2, tum-fr3 (Sturm et al. 2012), bonn (Palazzolo et al. 2019),
 /// icl-nuim (Handa et al. 2014). All 640 x 480 with 5000 depth units per metre. The Kinects and Xtions of tum-* and bonn read an image
-/// within 30 ms (docs/tracker.md; Kerl et al., ICCV 2015, simulate 28 ms).
+/// within 30 ms (docs/tracker.md; Kerl et al., ICCV 2015, simulate 28 ms). The Kinect of tum-fr1 stamps an image when it has been read:
+/// 15 ms after its middle row.
 [[nodiscard]] inline CameraModel camera_by_name(const std::string& name) {
   const auto make = [&](double fx, double fy, double cx, double cy) {
     CameraModel c;
@@ -108,7 +112,11 @@ struct camera_traits<CameraModel> {
     c.k3 = k3;
     return c;
   };
-  if (name == "tum-fr1") return distorted(make(517.3, 516.5, 318.6, 255.3), 0.2624, -0.9531, -0.0054, 0.0026, 1.1633);
+  if (name == "tum-fr1") {
+    CameraModel c = make(517.3, 516.5, 318.6, 255.3);
+    c.stamp_delay = 0.015;
+    return distorted(c, 0.2624, -0.9531, -0.0054, 0.0026, 1.1633);
+  }
   if (name == "tum-fr2") return distorted(make(520.9, 521.0, 325.1, 249.7), 0.2312, -0.7849, -0.0033, -0.0001, 0.9172);
   if (name == "tum-fr3") return make(535.4, 539.2, 320.1, 247.6);
   if (name == "bonn") return distorted(make(542.822841, 542.576870, 315.593520, 237.756098), 0.039903, -0.099343, -0.000730, -0.000144, 0);

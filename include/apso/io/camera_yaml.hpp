@@ -11,6 +11,7 @@
 /// height: 480
 /// depth_scale: 5000      # units of the depth image per metre; must be given
 /// readout: 0.03          # optional: time from the first row to the last [s], of a rolling shutter
+/// stamp_delay: 0.015     # optional: stamp of an image less the time at which its middle row was read [s]
 /// k1: 0                  # optional distortion, as in OpenCV: k1 k2 p1 p2 k3
 /// \endcode
 #pragma once
@@ -63,13 +64,13 @@ APSO_NAMESPACE_BEGIN
   for (const auto& entry : root) {
     std::string name;
     if (entry.first.IsScalar()) name = entry.first.Scalar();
-    static constexpr const char* known[] = {"name",        "fx",      "fy", "cx", "cy", "width", "height",
-                                            "depth_scale", "readout", "k1", "k2", "p1", "p2",    "k3"};
+    static constexpr const char* known[] = {"name",    "fx",          "fy", "cx", "cy", "width", "height", "depth_scale",
+                                            "readout", "stamp_delay", "k1", "k2", "p1", "p2",    "k3"};
     bool found = false;
     for (const char* k : known) found = found || name == k;
     if (!found)
       throw io_error(path + ":" + std::to_string(entry.first.Mark().line + 1) + ": field '" + printable(name) +
-                     "' is not known, expected name fx fy cx cy width height depth_scale readout k1 k2 p1 p2 k3");
+                     "' is not known, expected name fx fy cx cy width height depth_scale readout stamp_delay k1 k2 p1 p2 k3");
   }
   if (root["name"] && root["name"].IsScalar()) camera.name = root["name"].Scalar();
   number("fx", camera.pinhole.fx, true, Pinhole::kMinFocal, Pinhole::kMaxFocal);
@@ -83,6 +84,7 @@ APSO_NAMESPACE_BEGIN
                    std::to_string(camera.pinhole.height) + ", expected at most " + std::to_string(Pinhole::kMaxPixels) + " pixels");
   number("depth_scale", camera.depth_scale, true, CameraModel::kMinDepthScale, CameraModel::kMaxDepthScale);
   number("readout", camera.readout, false, -CameraModel::kMaxReadout, CameraModel::kMaxReadout);
+  number("stamp_delay", camera.stamp_delay, false, -CameraModel::kMaxStampDelay, CameraModel::kMaxStampDelay);
   const auto distortion = [&](const char* name, double& value) {
     number(name, value, false, -CameraModel::kMaxDistortion, CameraModel::kMaxDistortion);
   };
