@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <CLI/CLI.hpp>
 
@@ -17,8 +18,11 @@ namespace {
 
 int run(const std::string& recording, const std::string& camera_name, const std::string& output, bool quiet) {
   const apso::opencv::CameraModel camera = track::open_camera(camera_name);
-  track::keep_apart(output, {{"the recording", recording}, {"--camera", camera_name.find('.') == std::string::npos ? "" : camera_name}});
   const std::unique_ptr<track::FrameSource> source = track::open_recording(recording, camera, true);
+  std::vector<track::Input> inputs{{"the recording", recording},
+                                   {"--camera", std::filesystem::is_regular_file(camera_name) ? camera_name : ""}};
+  for (const std::string& folder : source->folders()) inputs.push_back({"images of the recording", folder});
+  track::keep_apart(output, inputs);
   for (const std::string& warning : source->warnings()) std::fprintf(stderr, "warning: %s\n", warning.c_str());
   track::RecordingWriter out(output, camera.depth_scale);
   track::LoadedFrame frame;
@@ -49,6 +53,7 @@ int run(const std::string& recording, const std::string& camera_name, const std:
     std::printf("shutter: rows read within %g ms; %d frames brought to one time, %d without a sure velocity left as they were\n",
                 1e3 * camera.readout, moved, out.frames() - moved);
   }
+  if (camera.stamp_delay != 0) std::printf("stamps: less %g ms, so that they are those of the middle rows\n", 1e3 * camera.stamp_delay);
   std::printf("track them: apso_track %s --camera %s --output DIR\n", output.c_str(),
               (std::filesystem::path(output) / "camera.yaml").string().c_str());
   return 0;
