@@ -278,7 +278,7 @@ TEST_CASE("nothing to see is never a success") {
   CHECK_THROWS_AS((void)align(good.intensity, small, good.intensity, good.depth, kCamera), contract_error);
 }
 
-TEST_CASE("iterations that ran out, directions that are open, images that disagree and a vague pose lower the confidence") {
+TEST_CASE("directions that are open, images that disagree and a vague pose lower the confidence") {
   AlignmentResult r;
   r.status = Status::Converged;
   r.median_depth = 2;
@@ -286,9 +286,6 @@ TEST_CASE("iterations that ran out, directions that are open, images that disagr
   r.covariance.diagonal().setConstant(1e-12);
   CHECK(direct_confidence(r).c_dir == doctest::Approx(1));
   AlignmentResult worse = r;
-  worse.status = Status::MaxIterations;
-  CHECK(direct_confidence(worse).c_dir <= .5);
-  worse = r;
   worse.status = Status::Degenerate;
   worse.degenerate_count = 1;  // the rest may be joined, but the pose as a whole is not known
   CHECK(direct_confidence(worse).c_dir == 0);

@@ -6,6 +6,8 @@
 #include <functional>
 #include <random>
 
+#include <Eigen/QR>
+
 #include <apso/align.hpp>
 #include <apso/testing/synthetic.hpp>
 
@@ -221,6 +223,30 @@ TEST_CASE("the scatter of few right sides is finite") {
     ImageCells cells;
     for (int n = 0; n < count; ++n) cells.add(n % ImageCells::kRows, n % ImageCells::kColumns, Twist::Unit(n % 6) * 1e3);
     CHECK(cells.scatter().allFinite());
+  }
+}
+
+TEST_CASE("a known error adds to the covariance of the directions that are known, and the information stays its inverse") {
+  std::mt19937 rng(100);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (const bool open : {false, true}) {
+    CAPTURE(open);
+    const Matrix6 Q = Eigen::HouseholderQR<Matrix6>(Matrix6::NullaryExpr([&] { return uniform(rng); })).householderQ();
+    Twist values;
+    values << (open ? 1.0 : 1e4), 2e4, 5e4, 1e5, 3e5, 1e6;
+    const Matrix6 S = Q * values.asDiagonal() * Q.transpose();
+    PoseInformation known(S, S, 0.3 * S, [](const Twist&) { return 0.0; });
+    REQUIRE(known.open_count == (open ? 1 : 0));
+    const PoseInformation before = known;
+    Twist error;
+    for (int i = 0; i < 6; ++i) error(i) = 0.03 * uniform(rng);
+    known.add_error(error);
+    const Matrix6 keep = Matrix6::Identity() - before.open;
+    const Matrix6 expected = before.covariance + keep * error * error.transpose() * keep;
+    CHECK((known.covariance - expected).norm() < 1e-9 * expected.norm());
+    CHECK((known.information * known.covariance - keep).norm() < 1e-6);
+    CHECK((known.open - before.open).norm() == 0);
+    CHECK(eigen_symmetric(known.covariance).values(5) > 2 * eigen_symmetric(before.covariance).values(5));
   }
 }
 

@@ -48,7 +48,6 @@ inline constexpr double kHalfRightSigma = 0.0046;
 // Right results correlate by 0.9 and more, 99 of 100 by 0.82, on recordings as on synthetic pairs; two rooms of one shape with other
 // pictures on the walls, laid over each other, by 0.55 to 0.86 (benchmarks/verdict, benchmarks/compare_peers, seeds from 100).
 inline constexpr double kCorrelationNone = 0.7, kCorrelationFull = 0.9;
-inline constexpr double kMaxIterationsFactor = 0.5;
 inline constexpr double kAmbiguousFactor = 1.0 / 3;  // a pattern that repeats to one side repeats to the other: three answers at least
 }  // namespace detail
 
@@ -63,7 +62,6 @@ inline constexpr double kAmbiguousFactor = 1.0 / 3;  // a pattern that repeats t
   if (!std::isfinite(variance)) return c;
   c.precise = 1 / (1 + variance / (kHalfRightSigma * kHalfRightSigma));
   c.agreement = rising(r.correlation, kCorrelationNone, kCorrelationFull);
-  if (r.status == Status::MaxIterations) c.agreement *= kMaxIterationsFactor;
   if (r.ambiguous) c.agreement *= kAmbiguousFactor;
   c.determined = c.precise * c.agreement;
   c.c_dir = r.degenerate_count > 0 ? 0.0 : c.determined;

@@ -25,9 +25,10 @@ inline constexpr int kMinimumAlignedPixels = 300;
 /// Solves one level after the other for T_camera_world.
 class LevelSolver {
  public:
-  Pose T = identity_pose();  ///< T_camera_world
-  bool converged = false;    ///< at the level that was solved last
-  int iterations = 0;        ///< outer ones over all levels
+  Pose T = identity_pose();          ///< T_camera_world
+  bool converged = false;            ///< at the level that was solved last
+  Twist last_step = zeros<Twist>();  ///< there, scaled by unit_twist()
+  int iterations = 0;                ///< outer ones over all levels
 
   /// \param ratio share of the largest eigenvalue below which a direction keeps what it is
   [[nodiscard]] Status solve(AlignmentCost& cost, int level, double ratio, const ExecutorRef& executor) {
@@ -69,17 +70,19 @@ class LevelSolver {
       for (int reject = 0; reject <= kRejects; ++reject) {
         Matrix6 A = determined;
         for (int i = 0; i < 6; ++i) A(i, i) += 1e-12 * trace + mu * scaled(i, i);
-        Twist step = keep * solve_symmetric(A, right);
+        const Twist scaled_step = keep * solve_symmetric(A, right);
+        Twist step;
         double largest = 0;  // of the scaled step
         for (int i = 0; i < 6; ++i) {
-          largest = std::max(largest, std::abs(step(i)));
-          step(i) *= D(i);
+          largest = std::max(largest, std::abs(scaled_step(i)));
+          step(i) = D(i) * scaled_step(i);
         }
         if (!all_finite(step)) return Status::Diverged;
         const bool tiny = focal * largest < smallest_step;
         const Pose T_trial = normalized(compose(se3_exp(step), T));
         if (tiny && reject == 0) {  // taken without another look
           T = T_trial;
+          last_step = scaled_step;
           converged = moved = true;
           break;
         }
@@ -87,6 +90,7 @@ class LevelSolver {
         const double after = cost.mean(kTrial);
         if (after < before) {
           T = T_trial;
+          last_step = scaled_step;
           cost.accept_trial();
           moved = true;
           mu = std::max(1e-9, mu / 10);

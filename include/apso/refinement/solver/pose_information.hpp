@@ -101,6 +101,16 @@ struct PoseInformation {
     information = symmetric(information);
   }
 
+  /// The pose may be off by so much besides, in the directions that are known.
+  void add_error(const Twist& error) {
+    const Twist e = error - open * error;
+    const Twist weighted = information * e;
+    double squared = 1;
+    for (int i = 0; i < 6; ++i) squared += e(i) * weighted(i);
+    add_outer(1.0, e, e, covariance);
+    add_outer(-1 / squared, weighted, weighted, information);  // Sherman and Morrison
+  }
+
  private:
   static constexpr double kFloor = 50;        // eigenvalue below which nothing is known, as in Degeneracy
   static constexpr double kShared = 0.1;      // share of H that both images have in common where there is more than noise
