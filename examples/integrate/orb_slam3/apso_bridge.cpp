@@ -10,7 +10,6 @@
 #include <optional>
 #include <string>
 #include <unordered_map>
-#include <utility>
 #include <vector>
 
 #include <apso/observation/point_presence.hpp>
@@ -61,14 +60,18 @@ struct ApsoBridge {
     options.assessor.decision.innovation = false;  // the hook holds the host's pose against the corners itself
     return options;
   }
-  /// Runs beside the host, or at once.
-  template <class F>
-  void launch(F&& work) {
-    if (own_thread) {
-      pending = std::async(std::launch::async, std::forward<F>(work));
-    } else {
-      work();
-    }
+  /// Refines and remembers the frame.
+  ApsoBridgeReport conclude(bool tracking_ok) {
+    const auto& r = pipeline.conclude();
+    ApsoBridgeReport out = {{},
+                            r.refined ? r.refinement.c_dir : 0.0,
+                            tracking_ok || r.refined ? 1 : 0,
+                            r.refined ? 1 : 0,
+                            r.keyframe_allowed ? 1 : 0,
+                            0,
+                            apso::to_string(r.state)};
+    write(r.T_world_camera, out.T_world_camera);
+    return out;
   }
   /// What runs beside the host is done, and has not failed.
   void join() {
@@ -95,6 +98,7 @@ struct ApsoBridge {
   std::unordered_map<long long, apso::PointTrack> now;
   std::int64_t next_track = 0;
   std::uint64_t frames = 0;
+  ApsoBridgeReport report{};  // of the last frame; to be read after join()
   ApsoBridgeTimes times{};
   std::string error;
 };
@@ -244,33 +248,35 @@ int apso_bridge_conclude(ApsoBridge* b, const ApsoBridgeKeypoint* keypoints, int
     apso::expects(report && (keypoints || count == 0) && count >= 0, "apso_bridge_conclude: a pointer is null");
     const Stopwatch watch;
     b->join();
-    b->times.remembered = 0;
+    b->times.settled = 0;
     b->list_matches(keypoints, count);
     const apso::Pose T_world_feature = tracking_ok ? pose(T_world_camera_tracked) : b->T_world_predicted;
     apso::FeaturePose<> feature{T_world_feature, b->T_world_predicted, tracking_ok != 0};
     if (tracking_ok) feature.information = b->information(keypoints, count, T_world_feature);
     const apso::Assessment& a = b->pipeline.assess(b->keypoints, b->tracks, feature);
-    const bool kept = tracking_ok && a.state != apso::SceneState::Bad && apso::is_rigid(T_world_feature) &&
-                      b->pipeline.options().refine != apso::RefinedFrames::Every;
-    if (kept && b->own_thread) {  // nothing will change the pose: the rest is to remember the frame
-      *report = {{}, 0, 1, 0, 1, apso::to_string(a.state)};
-      write(T_world_feature, report->T_world_camera);
-      b->launch([b] {
+    const bool later = b->own_thread && tracking_ok && a.state != apso::SceneState::Bad && apso::is_rigid(T_world_feature);
+    if (later) {  // the host goes on with the pose of its features, which is right
+      const bool refines = b->pipeline.options().refine == apso::RefinedFrames::Every;
+      b->report = {{}, 0, 1, 0, 1, refines ? 1 : 0, apso::to_string(a.state)};
+      write(T_world_feature, b->report.T_world_camera);
+      *report = b->report;
+      b->pending = std::async(std::launch::async, [b] {
         const Stopwatch beside;
-        b->pipeline.conclude();
-        b->times.remembered = beside.ms();
+        b->report = b->conclude(true);
+        b->times.settled = beside.ms();
       });
     } else {
-      const auto& r = b->pipeline.conclude();
-      *report = {{},
-                 r.refined ? r.refinement.c_dir : 0.0,
-                 tracking_ok || r.refined ? 1 : 0,
-                 r.refined ? 1 : 0,
-                 r.keyframe_allowed ? 1 : 0,
-                 apso::to_string(r.state)};
-      write(r.T_world_camera, report->T_world_camera);
+      *report = b->report = b->conclude(tracking_ok != 0);
     }
     b->times.concluded = watch.ms();
+  });
+}
+
+int apso_bridge_settle(ApsoBridge* b, ApsoBridgeReport* report) {
+  return guarded(*b, [&] {
+    apso::expects(report != nullptr, "apso_bridge_settle: a pointer is null");
+    b->join();
+    *report = b->report;
   });
 }
 

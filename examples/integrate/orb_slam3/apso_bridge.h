@@ -4,6 +4,7 @@
    A frame goes like this:
      apso_bridge_observe    the images are there: what moves?
      apso_bridge_conclude   the host has tracked: judges the frame, repairs the pose of a BAD one
+     apso_bridge_settle     before the next frame, or before the pose is built upon: the refined pose of a GOOD one
      apso_bridge_presence   which points of the map are no longer where they were
 
    Poses are 12 doubles, the first three rows of T_world_camera, row after row: R00 R01 R02 tx R10 ... tz [m].
@@ -22,7 +23,7 @@ enum { APSO_REFINE_NONE = 0, APSO_REFINE_BAD = 1, APSO_REFINE_EVERY = 2 };
 
 typedef struct {
   int refine;     /* APSO_REFINE_EVERY; with APSO_REFINE_BAD GOOD frames keep the pose of the host */
-  int own_thread; /* 1: GOOD frames that are not refined are remembered beside the work of the host; 0: within apso_bridge_conclude() */
+  int own_thread; /* 1: GOOD frames are refined and remembered beside the work of the host; 0: within apso_bridge_conclude() */
 } ApsoBridgeOptions;
 
 typedef struct {
@@ -49,6 +50,7 @@ typedef struct {
   int pose_ok;          /* there is a pose to go on with */
   int refined;          /* T_world_camera is not the pose given but the repaired one */
   int keyframe_allowed; /* the map may learn from this frame */
+  int unsettled;        /* the pose is being refined: apso_bridge_settle() tells what has become of it */
   const char* state;    /* "GOOD", "BAD" ..., for logs; valid until the next call */
 } ApsoBridgeReport;
 
@@ -56,7 +58,7 @@ typedef struct {
 typedef struct {
   double observed;   /* within apso_bridge_observe() */
   double concluded;  /* within apso_bridge_conclude() */
-  double remembered; /* beside the host, after apso_bridge_conclude() */
+  double settled;    /* beside the host, after apso_bridge_conclude() */
 } ApsoBridgeTimes;
 
 /* MOVING: something that moves is there or close by; a point of it may be GONE later. */
@@ -91,6 +93,8 @@ const unsigned char* apso_bridge_mask(const ApsoBridge* bridge);
 /* After tracking. T_world_camera_tracked is not read when tracking_ok is 0. */
 int apso_bridge_conclude(ApsoBridge* bridge, const ApsoBridgeKeypoint* keypoints, int count, const double* T_world_camera_tracked,
                          int tracking_ok, ApsoBridgeReport* report);
+/* After apso_bridge_conclude(): waits until the frame is refined. The same report, with the pose that the frame has now. */
+int apso_bridge_settle(ApsoBridge* bridge, ApsoBridgeReport* report);
 /* After apso_bridge_conclude(), while the images live: APSO_POINT_* of `count` points of the map, x y z each [m], seen from a pose. */
 int apso_bridge_presence(ApsoBridge* bridge, const double* T_world_camera, const float* points, int count, unsigned char* presence);
 /* Before apso_bridge_observe(): takes over what the host's back end has changed. */

@@ -8,6 +8,7 @@
 #include <deque>
 #include <future>
 #include <limits>
+#include <list>
 #include <stdexcept>
 #include <string>
 #include <unordered_map>
@@ -22,7 +23,8 @@
 
 struct ApsoHookOptions {
   int refine = APSO_REFINE_EVERY;  // which frames direct alignment refines: APSO_REFINE_NONE, _BAD or _EVERY
-  bool own_thread = true;          // what moves is found beside the extraction of ORB features
+  bool own_thread = true;          // what moves is found beside the extraction of ORB features, and GOOD frames are refined beside what
+                                   // the host does until it needs their pose again (Settle())
   int corners = 400;               // so many are followed for that; 0: by depth alone
   bool drop_moved = true;          // map points that lie on something that begins to move are taken out of the map
 };
@@ -57,12 +59,11 @@ class ApsoHook {
     mask_ = mask;
     timestamp_ = timestamp;
     FollowMap();
-    WriteInverse(Prediction(), predicted_);
     has_previous_ = last_ok_ && !records_.empty();
-    if (has_previous_) {
-      bool known = false;
-      WriteInverse(records_.back().pose(records_.back(), &known), previous_);
-    }
+    last_ = before_ = Sophus::SE3f();
+    bool known = false;
+    if (!records_.empty()) last_ = before_ = records_.back().pose(records_.back(), &known);
+    if (moving_on_ && records_.size() > 1) before_ = records_[records_.size() - 2].pose(records_[records_.size() - 2], &known);
     if (options_.own_thread) {
       observing_ = std::async(std::launch::async, [this] { Observe(); });
     } else {
@@ -106,7 +107,7 @@ class ApsoHook {
   }
 
   // In Track(), after TrackLocalMap(): judges the frame, repairs its pose if it is BAD, and takes map points that have begun to
-  // move out of the map. Returns whether the frame has a pose to go on with.
+  // move out of the map. Returns whether the frame has a pose to go on with; that of a GOOD one is refined until Settle().
   // local: mvpLocalMapPoints
   template <class Frame, class MapPoint>
   bool AfterTracking(Frame& frame, bool ok, const std::vector<MapPoint*>& local) {
@@ -127,7 +128,10 @@ class ApsoHook {
     const bool outnumbered = followed_count_ > 0 && matches < std::max(kFewMatches, followed_count_);
     if (ok && outnumbered && !Near(frame.GetPose(), ReadInverse(predicted_))) ok = false;
     double T[12] = {};
-    if (ok) WriteInverse(frame.GetPose(), T);
+    if (ok) {
+      given_ = frame.GetPose();
+      WriteInverse(given_, T);
+    }
     Check(apso_bridge_conclude(bridge_, keypoints_.data(), static_cast<int>(keypoints_.size()), T, ok ? 1 : 0, &report_));
     if (report_.refined) frame.SetPose(ReadInverse(report_.T_world_camera));
     // Where no direct pose is at hand the corners that were followed may tell one.
@@ -156,6 +160,20 @@ class ApsoHook {
     }
     Record(frame, report_.pose_ok != 0);
     return report_.pose_ok != 0;
+  }
+
+  // Gives the frame that was tracked last its refined pose, and waits for that where it has to: before a keyframe is made of it, and
+  // before the next one is tracked. What else was computed from its pose follows.
+  // velocity: mVelocity. relative: mlRelativeFramePoses, once the frame is in it
+  template <class Frame>
+  void Settle(Frame& frame, Sophus::SE3f& velocity, std::list<Sophus::SE3f>* relative = nullptr) {
+    Wait();
+    FinishRefinement();
+    if (!step_) return;
+    frame.SetPose(refining_ * frame.GetPose());
+    velocity = refining_ * velocity;
+    if (relative && !relative->empty()) relative->back() = refining_ * relative->back();
+    step_ = false;
   }
 
   // At the end of StereoInitialization(), which makes a map of the frame and its first keyframe: the next frames are aligned to it.
@@ -228,6 +246,7 @@ class ApsoHook {
     ++chain_;
     report_ = ApsoBridgeReport();
     report_.keyframe_allowed = 1;
+    step_ = false;
   }
 
   // 255 where something moves, else 0, of the frame that was begun; valid until the next one. For a dense map, a path planner ...
@@ -235,7 +254,11 @@ class ApsoHook {
     Wait();
     return cv::Mat(depth_.rows, depth_.cols, CV_8UC1, const_cast<unsigned char*>(apso_bridge_mask(bridge_)));
   }
-  const ApsoBridgeReport& Report() const { return report_; }
+  // Of the frame that was tracked last; once the next one is begun, or after Settle(), with its refined pose.
+  const ApsoBridgeReport& Report() {
+    Wait();
+    return report_;
+  }
   ApsoBridgeTimes Times() { return apso_bridge_times(bridge_); }
   double Waited() const { return waited_; }  // how long the host has waited for the mask of the frame [ms]
   int Dropped() const { return dropped_; }   // map points so far
@@ -273,6 +296,9 @@ class ApsoHook {
   }
   void Observe() {
     FollowCorners();
+    if (FinishRefinement()) last_ = refining_ * last_;
+    WriteInverse(last_ * before_.inverse() * last_, predicted_);  // constant velocity; the last pose that was set where there is none
+    WriteInverse(last_, previous_);
     Check(apso_bridge_observe(bridge_, timestamp_, grey_.data, static_cast<int>(grey_.step), depth_.ptr<float>(),
                               static_cast<int>(depth_.step), predicted_, has_previous_ ? previous_ : nullptr, tracks_.data(),
                               static_cast<int>(tracks_.size()), mask_.data, static_cast<int>(mask_.step)));
@@ -367,18 +393,23 @@ class ApsoHook {
     bool known = false;
     const Sophus::SE3f Tcw = records_.back().pose(records_.back(), &known);
     if (!known || Near(Tcw, records_.back().T_camera_world)) return;
+    FinishRefinement();
     Check(apso_bridge_correct(bridge_, &ApsoHook::PoseOf, this));
-    records_.back().T_camera_world = Tcw;
+    records_.back().T_camera_world = records_.back().pose(records_.back(), &known);
     ++chain_;
   }
-  // Constant velocity; the last pose that was set where there is none.
-  Sophus::SE3f Prediction() const {
-    if (records_.empty()) return Sophus::SE3f();
-    bool known = false;
-    const Sophus::SE3f last = records_.back().pose(records_.back(), &known);
-    if (!moving_on_ || records_.size() < 2) return last;
-    const Recorded& before = records_[records_.size() - 2];
-    return last * before.pose(before, &known).inverse() * last;
+  // Takes over what the refinement of the last frame, which has gone on beside the host, has found. Whether its pose is another one now.
+  bool FinishRefinement() {
+    if (!report_.unsettled) return false;
+    Check(apso_bridge_settle(bridge_, &report_));
+    step_ = report_.refined != 0;
+    if (!step_) return false;
+    refining_ = ReadInverse(report_.T_world_camera) * given_.inverse();
+    if (!records_.empty()) {
+      records_.back().T_camera_reference = refining_ * records_.back().T_camera_reference;
+      records_.back().T_camera_world = refining_ * records_.back().T_camera_world;
+    }
+    return true;
   }
 
   template <class Frame, class MapPoint>
@@ -461,8 +492,11 @@ class ApsoHook {
   ApsoHookOptions options_;
   ApsoBridge* bridge_;
   ApsoBridgeReport report_;
+  Sophus::SE3f given_, refining_;  // the pose of the features, and the step from it to the refined one
+  bool step_ = false;              // which the host has still to take
   cv::Mat grey_, previous_grey_, depth_, mask_;  // of the frame that was begun, and of the one before
   double predicted_[12], previous_[12];
+  Sophus::SE3f last_, before_;  // poses of the last two frames; both the last one where the motion is not known
   bool has_previous_ = false;
   std::future<void> observing_;
   double waited_ = 0;

@@ -36,7 +36,8 @@ Sophus::SE3f Tracking::GrabImageRGBD(const cv::Mat& imRGB, const cv::Mat& imD, c
   // [/begin]
   BuildFrame(imDepth, timestamp);  // mCurrentFrame = Frame(...)
   // [hide]
-  mpApso->HideMoving(mCurrentFrame);  // +apso
+  mpApso->HideMoving(mCurrentFrame);                             // +apso
+  mpApso->Settle(mLastFrame, mVelocity, &mlRelativeFramePoses);  // +apso
   // [/hide]
 
   Track();
@@ -46,6 +47,7 @@ Sophus::SE3f Tracking::GrabImageRGBD(const cv::Mat& imRGB, const cv::Mat& imD, c
 void Tracking::Track() {
   unique_lock<mutex> lock(mpAtlas->GetCurrentMap()->mMutexMapUpdate);
   bool bOK = true;
+  KeepLast();
   if (mState == NO_IMAGES_YET) mState = NOT_INITIALIZED;
   if (mState == NOT_INITIALIZED) {
     StereoInitialization();
@@ -105,6 +107,13 @@ void Tracking::CreateMapInAtlas() {
   mState = NO_IMAGES_YET;
 }
 
+void Tracking::KeepLast() {
+  mPoseLast = mLastFrame.GetPose();
+  mVelocityLast = mVelocity;
+  if (!mlRelativeFramePoses.empty()) mRelativeLast = mlRelativeFramePoses.back();
+  mbRefinedLast = mpApso->Report().refined != 0;
+}
+
 KeyFrame* Tracking::KeyFrameOfCurrentFrame() {
   mKeyFrames.emplace_back();
   KeyFrame* pKF = &mKeyFrames.back();
@@ -127,6 +136,9 @@ void Tracking::StereoInitialization() {
 }
 
 void Tracking::CreateNewKeyFrame() {
+  // [settle]
+  mpApso->Settle(mCurrentFrame, mVelocity);  // +apso
+  // [/settle]
   KeyFrame* pKF = KeyFrameOfCurrentFrame();  // new KeyFrame(...)
   // [keyframe_made]
   mpApso->Measured(*pKF);  // +apso

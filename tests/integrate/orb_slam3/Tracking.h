@@ -24,6 +24,7 @@ class Tracking {
 
   Sophus::SE3f GrabImageRGBD(const cv::Mat& imRGB, const cv::Mat& imD, const double& timestamp, std::string filename);
   void Track();
+  void KeepLast();
   void Reset();
   void ResetActiveMap();
   void CreateMapInAtlas();
@@ -53,6 +54,9 @@ class Tracking {
   std::deque<KeyFrame> mKeyFrames;
   int mnBuilt = 0;  // keypoints of the frame before any is taken out
   int mnRetries = 0;
+  // what had become of the frame before when this one was tracked
+  Sophus::SE3f mPoseLast, mVelocityLast, mRelativeLast;
+  bool mbRefinedLast = false;
 
   int mWidth, mHeight;
   // [member]

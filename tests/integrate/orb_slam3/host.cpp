@@ -80,23 +80,31 @@ void list_edges(Tracking& t, const std::vector<int>& frame_of, HostMap* map) {
 }  // namespace
 
 void run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostMap* map,
-              int refine) {
+              int refine, int own_thread) {
   Eigen::Matrix3f K = Eigen::Matrix3f::Identity();
   K(0, 0) = K(1, 1) = f;
   K(0, 2) = cx;
   K(1, 2) = cy;
   Tracking tracking(K, width, height);
-  if (refine != ApsoHookOptions().refine) {
+  if (refine != ApsoHookOptions().refine || own_thread == 0) {
     ApsoHookOptions options;
     options.refine = refine;
+    options.own_thread = own_thread != 0;
     tracking.mpApso.reset(new ApsoHook(f, f, cx, cy, options));
   }
   Sophus::SE3f T_map;
   int hidden = 0;
   std::vector<int> frame_of;  // of each keyframe
+  const auto keep = [&](const Sophus::SE3f& T_map_then, HostResult& last) {
+    write(tracking.mPoseLast * T_map_then, last.pose);
+    write(tracking.mVelocityLast, last.velocity);
+    write(tracking.mRelativeLast, last.relative);
+    last.refined = tracking.mbRefinedLast ? 1 : 0;
+  };
   for (int k = 0; k < count; ++k) {
     const PlayedFrame& p = frames[k];
     if (p.new_map) tracking.CreateMapInAtlas();
+    const Sophus::SE3f T_map_before = T_map;
     if (p.map_shift != 0) move_map(tracking, p.map_shift, T_map);
     if (p.adjusted != 0) {
       ORB_SLAM3::KeyFrame& newest = tracking.mKeyFrames.back();
@@ -117,11 +125,10 @@ void run_host(const PlayedFrame* frames, int count, float f, float cx, float cy,
     tracking.mnPlayedKeypoints = p.keypoints > 0 ? p.keypoints : 1 << 30;
     const cv::Mat rgb(height, width, CV_8UC3, const_cast<unsigned char*>(p.rgb));
     const cv::Mat depth(height, width, CV_32F, const_cast<float*>(p.depth));
-    const Sophus::SE3f Tcw = tracking.GrabImageRGBD(rgb, depth, p.timestamp, "") * T_map;
-    write(Tcw, out[k].pose);
+    write(tracking.GrabImageRGBD(rgb, depth, p.timestamp, "") * T_map, out[k].returned);
+    if (k > 0) keep(T_map_before, out[k - 1]);
     hidden += tracking.mnBuilt - tracking.mCurrentFrame.N;
     frame_of.resize(tracking.mKeyFrames.size(), k);
-    if (!tracking.mlRelativeFramePoses.empty()) write(tracking.mlRelativeFramePoses.back(), out[k].relative);
     out[k].reference = frame_of[static_cast<std::size_t>(tracking.mpReferenceKF->mnId)];
     ORB_SLAM3::KeyFrame* parent = tracking.mKeyFrames.back().GetParent();
     out[k].parent = parent ? frame_of[static_cast<std::size_t>(parent->mnId)] : -1;
@@ -129,12 +136,14 @@ void run_host(const PlayedFrame* frames, int count, float f, float cx, float cy,
     out[k].hidden = hidden;
     out[k].consistent = consistent(tracking.mCurrentFrame) ? 1 : 0;
     out[k].on_mask = on_mask(tracking.mCurrentFrame, tracking.mpApso->Mask());
-    out[k].refined = tracking.mpApso->Report().refined ? 1 : 0;
     out[k].tracking = tracking.mState == Tracking::OK;
     out[k].retries = tracking.mnRetries;
     out[k].dropped = tracking.mpApso->Dropped();
     out[k].observed_ms = tracking.mpApso->Times().observed;
   }
+  tracking.mpApso->Settle(tracking.mLastFrame, tracking.mVelocity, &tracking.mlRelativeFramePoses);
+  tracking.KeepLast();
+  keep(T_map, out[count - 1]);
   map->points_count = 0;
   for (ORB_SLAM3::MapPoint& p : tracking.mMap) {
     if (map->points_count == map->points_room) break;

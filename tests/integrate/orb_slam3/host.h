@@ -17,7 +17,9 @@ struct PlayedFrame {
   float adjusted;            // before this frame, an adjustment moves the newest keyframe along x by this [m]
 };
 struct HostResult {
-  float pose[12];  // T_camera_world that GrabImageRGBD returned
+  float returned[12];  // T_camera_world that GrabImageRGBD returned
+  float pose[12];      // T_camera_world that the frame has when the next one is tracked
+  float velocity[12];  // mVelocity by then
   int keyframes;   // so far
   int hidden;      // keypoints taken out of the frame, so far
   int consistent;  // all lists of the frame have as many entries, and say the same of each keypoint
@@ -53,4 +55,4 @@ struct HostMap {
 
 // refine: APSO_REFINE_*
 void run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostMap* map,
-              int refine);
+              int refine, int own_thread);

@@ -59,14 +59,15 @@ struct Recording {
     played[kBad].response = played[kLost].response = 0;
     played[kLost].ok = 0;
   }
-  [[nodiscard]] std::vector<HostResult> run(int refine = APSO_REFINE_BAD) {  // most tests: a GOOD frame keeps the pose it is given
+  [[nodiscard]] std::vector<HostResult> run(int refine = APSO_REFINE_BAD,
+                                            bool own_thread = true) {  // most tests: a GOOD frame keeps the pose it is given
     std::vector<HostResult> out(frames.size());
     const Pinhole c = sequence.camera();
     map.resize(10000);
     edges.resize(1000);
     HostMap end{map.data(), static_cast<int>(map.size()), 0, edges.data(), static_cast<int>(edges.size()), 0};
     run_host(played.data(), static_cast<int>(frames.size()), static_cast<float>(c.fx), static_cast<float>(c.cx), static_cast<float>(c.cy),
-             c.width, c.height, out.data(), &end, refine);
+             c.width, c.height, out.data(), &end, refine, own_thread ? 1 : 0);
     map.resize(static_cast<std::size_t>(end.points_count));
     edges.resize(static_cast<std::size_t>(end.edges_count));
     return out;
@@ -275,6 +276,43 @@ TEST_CASE("the second frame of a map is aligned to the first, and an edge joins 
   CHECK(recording.error(alone[1].pose, 1) < 0.005);
 }
 
+TEST_CASE("a GOOD frame is refined while the host goes on; what was computed from its pose follows before the next frame") {
+  Recording recording("static_xyz");
+  for (std::size_t k = 1; k < kFrames; ++k) {
+    recording.play_off(k, k % 2 == 0 ? 0.004 : -0.004);
+    recording.played[k].no_keyframe = k % 5 == 4 ? 0 : 1;
+  }
+  const std::vector<HostResult> later = recording.run(APSO_REFINE_EVERY);
+  const std::vector<HostResult> at_once = recording.run(APSO_REFINE_EVERY, false);
+  const auto pose_of = [](const float* rows) {
+    Pose T = Pose::Identity();
+    for (int i = 0; i < 12; ++i) T.matrix()(i / 4, i % 4) = static_cast<double>(rows[i]);
+    return T;
+  };
+  const auto apart = [](const Pose& a, const Pose& b) { return (a.matrix() - b.matrix()).cwiseAbs().maxCoeff(); };
+  int waited_for = 0;
+  for (std::size_t k = 10; k < kFrames; ++k) {
+    CAPTURE(k);
+    REQUIRE(later[k].refined == 1);
+    const bool keyframe = recording.played[k].no_keyframe == 0;
+    CHECK(later[k].keyframes == later[k - 1].keyframes + (keyframe ? 1 : 0));
+    if (keyframe) {  // is made of the refined pose
+      CHECK(apart(pose_of(later[k].returned), pose_of(later[k].pose)) < 1e-5);
+      ++waited_for;
+    } else {  // the pose of the features is returned
+      CHECK(recording.error(later[k].returned, k) == doctest::Approx(0.004).epsilon(1e-2));
+    }
+    CHECK(recording.error(later[k].pose, k) < 0.0039);  // nearer than the features
+    CHECK(apart(pose_of(later[k].velocity), pose_of(later[k].pose) * inverse(pose_of(later[k - 1].pose))) < 1e-4);
+    // and all is as if the host had waited
+    CHECK(later[k].reference == at_once[k].reference);
+    CHECK(apart(pose_of(later[k].pose), pose_of(at_once[k].pose)) < 1e-3);
+    CHECK(apart(pose_of(later[k].relative), pose_of(at_once[k].relative)) < 1e-3);
+    CHECK(apart(pose_of(at_once[k].returned), pose_of(at_once[k].pose)) < 1e-5);
+  }
+  CHECK(waited_for > 5);
+}
+
 TEST_CASE("where direct alignment alone carries some frames a keyframe is made, so that the map goes on") {
   Recording recording("static_xyz");
   constexpr std::size_t kFirst = 30;
@@ -401,6 +439,7 @@ TEST_CASE("the bridge says what is wrong") {
     CHECK(apso_bridge_conclude(b, nullptr, 0, nullptr, 0, &report) != 0);
     CHECK(error().find("observe() for the frame first") != std::string::npos);
     CHECK(apso_bridge_correct(b, nullptr, nullptr) != 0);
+    CHECK(apso_bridge_settle(b, nullptr) != 0);
     double T[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     unsigned char presence = 0;
     const float point[3] = {0, 0, 1};
@@ -440,5 +479,5 @@ TEST_CASE("the integration needs few lines in the host, and its headers see noth
       if (std::string(name) == "Tracking.h" || std::string(name) == "Frame.h") CHECK(line.find("#include \"apso") == std::string::npos);
     }
   }
-  CHECK(lines == 26);  // docs/integrate/orb_slam3.md tells this number
+  CHECK(lines == 28);  // docs/integrate/orb_slam3.md tells this number
 }
