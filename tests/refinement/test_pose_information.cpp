@@ -226,7 +226,7 @@ TEST_CASE("the scatter of few right sides is finite") {
   }
 }
 
-TEST_CASE("a known error adds to the covariance of the directions that are known, and the information stays its inverse") {
+TEST_CASE("the last step adds to the covariance of the directions that are known, and the information stays its inverse") {
   std::mt19937 rng(100);
   std::uniform_real_distribution<double> uniform(-1, 1);
   for (const bool open : {false, true}) {
@@ -238,9 +238,10 @@ TEST_CASE("a known error adds to the covariance of the directions that are known
     PoseInformation known(S, S, 0.3 * S, [](const Twist&) { return 0.0; });
     REQUIRE(known.open_count == (open ? 1 : 0));
     const PoseInformation before = known;
-    Twist error;
-    for (int i = 0; i < 6; ++i) error(i) = 0.03 * uniform(rng);
-    known.add_error(error);
+    Twist step;
+    for (int i = 0; i < 6; ++i) step(i) = 0.01 * uniform(rng);
+    known.add_last_step(step);
+    const Twist error = PoseInformation::kUnfinished * step;
     const Matrix6 keep = Matrix6::Identity() - before.open;
     const Matrix6 expected = before.covariance + keep * error * error.transpose() * keep;
     CHECK((known.covariance - expected).norm() < 1e-9 * expected.norm());

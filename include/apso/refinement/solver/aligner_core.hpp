@@ -79,9 +79,6 @@ class AlignerCore {
   static constexpr std::size_t kSolved = 6;     // most starts that are solved
   static constexpr double kCorrelated = 0.9;    // correlation of the intensities of right poses
   static constexpr double kUncorrelated = 0.3;  // intensities of both images that agree less are NoOverlap
-  // Where iterations run out, the pose may be off by so many of its last steps: all that were to come, if each were three quarters of the
-  // one before. With one instead of three benchmarks/verdict calls the same pairs of recordings good.
-  static constexpr double kUnfinished = 3;
   static constexpr int kPrealignIterations = 15;
   static constexpr double kContradicted = 0.01;  // share of tiles that may contradict a pose that explains the images as well
 
@@ -240,8 +237,7 @@ class AlignerCore {
     }
     r.median_depth = cost_.typical_depth();
     const Twist D = unit_twist(r.median_depth);
-    const Matrix6 scaled = scaled_both(D, n.H);
-    const Matrix6 moved = Degeneracy(scaled, origin.ratio).keep();  // the directions that the solver has moved
+    const Matrix6 moved = Degeneracy(scaled_both(D, n.H), origin.ratio).keep();  // the directions that the solver has moved
     const AlignmentCost::SharedInformation shared = cost_.shared_information(n.H, T, executor);
     const auto significance_of = [&](Twist direction) {
       for (int i = 0; i < 6; ++i) direction(i) *= D(i);
@@ -249,7 +245,7 @@ class AlignerCore {
     };
     PoseInformation known(scaled_both(D, shared.by_one), moved * scaled_both(D, shared.by_both) * moved, scaled_both(D, scatter(cost_, T)),
                           significance_of);
-    if (!solver_.converged) known.add_error(kUnfinished * solver_.last_step);
+    if (!solver_.converged) known.add_last_step(solver_.last_step);
     cost_.estimate_scales(T, 2 * AlignmentCost::kScaleSamples, 0, executor);
     cost_.report_scales(r);
     r.degenerate_count = known.open_count;

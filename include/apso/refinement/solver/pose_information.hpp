@@ -101,9 +101,12 @@ struct PoseInformation {
     information = symmetric(information);
   }
 
-  /// The pose may be off by so much besides, in the directions that are known.
-  void add_error(const Twist& error) {
-    const Twist e = error - open * error;
+  /// Where the iterations ran out, the pose may be off by so many of its last steps: all that were to come, if each were three quarters of
+  /// the one before. With one instead of three benchmarks/verdict calls the same pairs of recordings good.
+  static constexpr double kUnfinished = 3;
+  /// Counts the last step as an error besides, in the directions that are known.
+  void add_last_step(const Twist& step) {
+    const Twist e = kUnfinished * (step - open * step);
     const Twist weighted = information * e;
     double squared = 1;
     for (int i = 0; i < 6; ++i) squared += e(i) * weighted(i);
