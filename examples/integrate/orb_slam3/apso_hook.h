@@ -60,10 +60,10 @@ class ApsoHook {
     timestamp_ = timestamp;
     FollowMap();
     has_previous_ = last_ok_ && !records_.empty();
-    last_ = before_ = Sophus::SE3f();
+    has_before_ = moving_on_ && records_.size() > 1;
     bool known = false;
-    if (!records_.empty()) last_ = before_ = records_.back().pose(records_.back(), &known);
-    if (moving_on_ && records_.size() > 1) before_ = records_[records_.size() - 2].pose(records_[records_.size() - 2], &known);
+    last_ = records_.empty() ? Sophus::SE3f() : records_.back().pose(records_.back(), &known);
+    if (has_before_) before_ = records_[records_.size() - 2].pose(records_[records_.size() - 2], &known);
     if (options_.own_thread) {
       observing_ = std::async(std::launch::async, [this] { Observe(); });
     } else {
@@ -297,7 +297,8 @@ class ApsoHook {
   void Observe() {
     FollowCorners();
     if (FinishRefinement()) last_ = refining_ * last_;
-    WriteInverse(last_ * before_.inverse() * last_, predicted_);  // constant velocity; the last pose that was set where there is none
+    // constant velocity; the last pose that was set where there is none
+    WriteInverse(has_before_ ? last_ * before_.inverse() * last_ : last_, predicted_);
     WriteInverse(last_, previous_);
     Check(apso_bridge_observe(bridge_, timestamp_, grey_.data, static_cast<int>(grey_.step), depth_.ptr<float>(),
                               static_cast<int>(depth_.step), predicted_, has_previous_ ? previous_ : nullptr, tracks_.data(),
@@ -496,7 +497,8 @@ class ApsoHook {
   bool step_ = false;              // which the host has still to take
   cv::Mat grey_, previous_grey_, depth_, mask_;  // of the frame that was begun, and of the one before
   double predicted_[12], previous_[12];
-  Sophus::SE3f last_, before_;  // poses of the last two frames; both the last one where the motion is not known
+  Sophus::SE3f last_, before_;  // poses of the last two frames
+  bool has_before_ = false;
   bool has_previous_ = false;
   std::future<void> observing_;
   double waited_ = 0;

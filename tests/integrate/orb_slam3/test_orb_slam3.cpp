@@ -59,8 +59,8 @@ struct Recording {
     played[kBad].response = played[kLost].response = 0;
     played[kLost].ok = 0;
   }
-  [[nodiscard]] std::vector<HostResult> run(int refine = APSO_REFINE_BAD,
-                                            bool own_thread = true) {  // most tests: a GOOD frame keeps the pose it is given
+  // most tests: a GOOD frame keeps the pose it is given
+  [[nodiscard]] std::vector<HostResult> run(int refine = APSO_REFINE_BAD, bool own_thread = true) {
     std::vector<HostResult> out(frames.size());
     const Pinhole c = sequence.camera();
     map.resize(10000);
