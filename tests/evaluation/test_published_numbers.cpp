@@ -20,7 +20,7 @@ std::string trajectories() {
 }
 bool no_trajectories() { return !std::ifstream(trajectories() + "groundtruth/fr2_desk.txt").good(); }
 /// Equal to the six decimals that were published.
-void same(double value, double published) {
+void as_published(double value, double published) {
   INFO("value " << value << ", published " << published);
   CHECK(std::abs(value - published) <= 0.51e-6);
 }
@@ -47,12 +47,12 @@ TEST_CASE("published: ATE of evo 1.x, nearest stamp within 0.01 s" * doctest::sk
                                         apso::read_trajectory(folder + "estimated/" + row.estimate + ".txt"), options);
     CHECK(r.status == apso::Status::Converged);
     CHECK(r.pairs.size() == row.pairs);
-    same(r.statistics.rmse, row.rmse);
-    same(r.statistics.mean, row.mean);
-    same(r.statistics.median, row.median);
-    same(r.statistics.std, row.std);
-    same(r.statistics.max, row.max);
-    if (std::string(row.estimate) == "fr3_walking_xyz_orbslam3") same(r.statistics.min, 0.029696);
+    as_published(r.statistics.rmse, row.rmse);
+    as_published(r.statistics.mean, row.mean);
+    as_published(r.statistics.median, row.median);
+    as_published(r.statistics.std, row.std);
+    as_published(r.statistics.max, row.max);
+    if (std::string(row.estimate) == "fr3_walking_xyz_orbslam3") as_published(r.statistics.min, 0.029696);
   }
 }
 
@@ -63,26 +63,26 @@ TEST_CASE("published: ATE and RPE of the TUM scripts on fr2_desk" * doctest::ski
 
   const apso::AteResult ate = apso::ate(truth, estimate);
   CHECK(ate.pairs.size() == 2223);
-  same(ate.statistics.rmse, 0.008144);
-  same(ate.statistics.mean, 0.007514);
+  as_published(ate.statistics.rmse, 0.008144);
+  as_published(ate.statistics.mean, 0.007514);
 
   apso::RpeOptions options;
   const apso::RpeResult second = apso::rpe(truth, estimate, options);
   CHECK(second.pairs.size() == 1998);
-  same(second.translation.rmse, 0.007161);
-  same(second.translation.mean, 0.006502);
-  same(second.translation.median, 0.006218);
-  same(second.translation.std, 0.003001);
-  same(second.rotation_deg.rmse, 0.455005);
-  same(second.rotation_deg.mean, 0.401638);
+  as_published(second.translation.rmse, 0.007161);
+  as_published(second.translation.mean, 0.006502);
+  as_published(second.translation.median, 0.006218);
+  as_published(second.translation.std, 0.003001);
+  as_published(second.rotation_deg.rmse, 0.455005);
+  as_published(second.rotation_deg.mean, 0.401638);
 
   options.form = apso::RpeForm::Paper;
-  same(apso::rpe(truth, estimate, options).translation.rmse, 0.007093);
+  as_published(apso::rpe(truth, estimate, options).translation.rmse, 0.007093);
 
   options = {};
   options.unit = apso::DeltaUnit::Frames;
   const apso::RpeResult frame = apso::rpe(truth, estimate, options);
   CHECK(frame.pairs.size() == 2060);
-  same(frame.translation.rmse, 0.003381);
-  same(frame.rotation_deg.rmse, 0.266378);
+  as_published(frame.translation.rmse, 0.003381);
+  as_published(frame.rotation_deg.rmse, 0.266378);
 }

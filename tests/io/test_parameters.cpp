@@ -1,13 +1,10 @@
 #include <doctest/doctest.h>
 
-#include <unistd.h>
-
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <string>
 
 #include <apso/io/parameters.hpp>
+
+#include "temporary_file.hpp"
 
 namespace sample {
 enum class Form { Round, Square };
@@ -35,21 +32,11 @@ struct Outer {
 }  // namespace sample
 
 namespace {
-/// A file that is gone when the test ends.
-struct TemporaryFile {
-  std::string path;
-  explicit TemporaryFile(const std::string& text)
-      : path((std::filesystem::temp_directory_path() / ("apso_parameters_" + std::to_string(::getpid()) + ".yaml")).string()) {
-    std::ofstream(path) << text;
-  }
-  ~TemporaryFile() { std::remove(path.c_str()); }
-};
-
 std::string message_of(const std::string& yaml) {
   const TemporaryFile file(yaml);
   sample::Outer options;
   try {
-    apso::read_parameters(file.path, options);
+    apso::read_parameters(file.path(), options);
   } catch (const apso::io_error& e) {
     return e.what();
   }
@@ -61,7 +48,7 @@ bool contains(const std::string& text, const char* part) { return text.find(part
 TEST_CASE("parameters are read, and what is not named keeps its value") {
   const TemporaryFile file("count: 7\ninner:\n  form: square\n");
   sample::Outer o;
-  apso::read_parameters(file.path, o);
+  apso::read_parameters(file.path(), o);
   CHECK(o.count == 7);
   CHECK(o.fast == false);
   CHECK(o.inner.gain == 0.5);
@@ -76,7 +63,7 @@ TEST_CASE("what is written is read back") {
   o.inner.form = sample::Form::Square;
   const TemporaryFile file(apso::write_parameters(o));
   sample::Outer back;
-  apso::read_parameters(file.path, back);
+  apso::read_parameters(file.path(), back);
   CHECK(back.count == 9);
   CHECK(back.fast);
   CHECK(back.inner.gain == 0.125);

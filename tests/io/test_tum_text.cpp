@@ -11,7 +11,7 @@
 
 namespace {
 /// The message read_trajectory fails with, without the path in front.
-std::string failure(const std::string& content) {
+std::string tum_error(const std::string& content) {
   const TemporaryFile f(content);
   try {
     (void)apso::read_trajectory(f.path());
@@ -43,27 +43,27 @@ TEST_CASE("a trajectory with comments, blank lines, tabs, commas, Windows line e
 }
 
 TEST_CASE("malformed lines name line, field and what was expected") {
-  CHECK(failure(std::string(good) + "2.5 1 2 3\n") == ":2: found 4 fields, expected 8: timestamp tx ty tz qx qy qz qw");
-  CHECK(failure("1.5\n") == ":1: found 1 field, expected 8: timestamp tx ty tz qx qy qz qw");
-  CHECK(failure("1.5 1 2 3 0 0 0 1 9\n") == ":1: found 9 fields, expected 8: timestamp tx ty tz qx qy qz qw");
-  CHECK(failure("# a\n\n1.5 1 x2 3 0 0 0 1\n") == ":3: field 3 (ty) is 'x2', expected a number");
-  CHECK(failure("1.5 1 2 3 0 0 0 1w\n") == ":1: field 8 (qw) is '1w', expected a number");
-  CHECK(failure("1.5 1 2 1.2.3 0 0 0 1\n") == ":1: field 4 (tz) is '1.2.3', expected a number");
-  CHECK(failure("-- 1 2 3 0 0 0 1\n") == ":1: field 1 (timestamp) is '--', expected a number");
-  CHECK(failure("1.5 1 2 3 0 0 0 0\n") == ":1: quaternion qx qy qz qw is zero, expected a unit quaternion");
+  CHECK(tum_error(std::string(good) + "2.5 1 2 3\n") == ":2: found 4 fields, expected 8: timestamp tx ty tz qx qy qz qw");
+  CHECK(tum_error("1.5\n") == ":1: found 1 field, expected 8: timestamp tx ty tz qx qy qz qw");
+  CHECK(tum_error("1.5 1 2 3 0 0 0 1 9\n") == ":1: found 9 fields, expected 8: timestamp tx ty tz qx qy qz qw");
+  CHECK(tum_error("# a\n\n1.5 1 x2 3 0 0 0 1\n") == ":3: field 3 (ty) is 'x2', expected a number");
+  CHECK(tum_error("1.5 1 2 3 0 0 0 1w\n") == ":1: field 8 (qw) is '1w', expected a number");
+  CHECK(tum_error("1.5 1 2 1.2.3 0 0 0 1\n") == ":1: field 4 (tz) is '1.2.3', expected a number");
+  CHECK(tum_error("-- 1 2 3 0 0 0 1\n") == ":1: field 1 (timestamp) is '--', expected a number");
+  CHECK(tum_error("1.5 1 2 3 0 0 0 0\n") == ":1: quaternion qx qy qz qw is zero, expected a unit quaternion");
 }
 
 TEST_CASE("a file without poses, one that is not there, and a folder") {
-  CHECK(failure("").find("no pose found") != std::string::npos);
-  CHECK(failure("# only\n\n# comments\n").find("no pose found") != std::string::npos);
-  CHECK(failure("1 nan 2 3 0 0 0 1\n").find("no pose found") != std::string::npos);
+  CHECK(tum_error("").find("no pose found") != std::string::npos);
+  CHECK(tum_error("# only\n\n# comments\n").find("no pose found") != std::string::npos);
+  CHECK(tum_error("1 nan 2 3 0 0 0 1\n").find("no pose found") != std::string::npos);
   CHECK_THROWS_WITH_AS((void)apso::read_trajectory("/no/such/file.txt"), "/no/such/file.txt: cannot open, expected a readable text file",
                        apso::io_error);
   CHECK_THROWS_AS((void)apso::read_trajectory("/tmp"), apso::io_error);
 }
 
 TEST_CASE("a binary file fails with a printable message") {
-  const std::string text = failure(std::string("\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\xff", 18));
+  const std::string text = tum_error(std::string("\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\xff", 18));
   CHECK(text.find("expected") != std::string::npos);
   for (const char c : text) CHECK(static_cast<unsigned char>(c) < 0x7f);
 }

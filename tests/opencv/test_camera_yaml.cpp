@@ -9,7 +9,7 @@
 using namespace apso;
 
 namespace {
-std::string message_of(const std::string& content, CameraModel* camera = nullptr) {
+std::string camera_error(const std::string& content, CameraModel* camera = nullptr) {
   const auto path = std::filesystem::temp_directory_path() / "apso_camera_test.yaml";
   std::ofstream(path) << content;
   std::string message;
@@ -28,7 +28,7 @@ bool has(const std::string& text, const char* part) { return text.find(part) != 
 
 TEST_CASE("a camera is read from YAML, distortion is optional") {
   CameraModel c;
-  CHECK(message_of(kGood + "name: mine\nk1: 0.1\n", &c).empty());
+  CHECK(camera_error(kGood + "name: mine\nk1: 0.1\n", &c).empty());
   CHECK(c.name == "mine");
   CHECK(c.pinhole.fy == 510);
   CHECK(c.pinhole.height == 480);
@@ -36,23 +36,23 @@ TEST_CASE("a camera is read from YAML, distortion is optional") {
   CHECK(c.k1 == 0.1);
   CHECK(c.k2 == 0);
   CHECK(c.readout == 0);
-  CHECK(message_of(kGood + "readout: -0.03\n", &c).empty());
+  CHECK(camera_error(kGood + "readout: -0.03\n", &c).empty());
   CHECK(c.readout == -0.03);
   CHECK(c.stamp_delay == 0);
-  CHECK(message_of(kGood + "stamp_delay: 0.015\n", &c).empty());
+  CHECK(camera_error(kGood + "stamp_delay: 0.015\n", &c).empty());
   CHECK(c.stamp_delay == 0.015);
 }
 
 TEST_CASE("a bad camera file names the field") {
-  CHECK(has(message_of("fx: 500\n"), "fy is missing"));
-  CHECK(has(message_of(kGood + "k1: much\n"), ":8: field k1 is no number"));
-  CHECK(has(message_of(kGood + "k1: .nan\n"), ":8: field k1 is .nan, expected a number in [-1e+06, 1e+06]"));
-  CHECK(has(message_of(kGood + "readout: 30\n"), ":8: field readout is 30, expected a number in [-0.2, 0.2]"));
-  CHECK(has(message_of(kGood + "stamp_delay: 15\n"), ":8: field stamp_delay is 15, expected a number in [-0.2, 0.2]"));
-  CHECK(has(message_of(kGood + "colour: red\n"), "'colour' is not known"));
-  CHECK(has(message_of("fx: -1\nfy: 510\n"), ":1: field fx is -1, expected a number in [0.001, 1e+06]"));
-  CHECK(has(message_of("just text"), "expected fields"));
-  CHECK(has(message_of("fx: [1\n"), "not valid YAML"));
+  CHECK(has(camera_error("fx: 500\n"), "fy is missing"));
+  CHECK(has(camera_error(kGood + "k1: much\n"), ":8: field k1 is no number"));
+  CHECK(has(camera_error(kGood + "k1: .nan\n"), ":8: field k1 is .nan, expected a number in [-1e+06, 1e+06]"));
+  CHECK(has(camera_error(kGood + "readout: 30\n"), ":8: field readout is 30, expected a number in [-0.2, 0.2]"));
+  CHECK(has(camera_error(kGood + "stamp_delay: 15\n"), ":8: field stamp_delay is 15, expected a number in [-0.2, 0.2]"));
+  CHECK(has(camera_error(kGood + "colour: red\n"), "'colour' is not known"));
+  CHECK(has(camera_error("fx: -1\nfy: 510\n"), ":1: field fx is -1, expected a number in [0.001, 1e+06]"));
+  CHECK(has(camera_error("just text"), "expected fields"));
+  CHECK(has(camera_error("fx: [1\n"), "not valid YAML"));
   CHECK_THROWS_AS((void)camera_from_yaml("/nowhere/camera.yaml"), io_error);
 }
 
@@ -60,7 +60,7 @@ TEST_CASE("a camera that cannot be is refused with line, field and range") {
   const auto with = [](const std::string& field, const std::string& value) {
     std::string text = kGood;
     const std::size_t at = text.find(field + ": ");
-    return message_of(text.substr(0, at) + field + ": " + value + text.substr(text.find('\n', at)));
+    return camera_error(text.substr(0, at) + field + ": " + value + text.substr(text.find('\n', at)));
   };
   for (const char* bad : {"1e300", "1e-300", "0", ".inf"}) {
     CHECK(has(with("fx", bad), (std::string(":1: field fx is ") + bad + ", expected a number in [0.001, 1e+06]").c_str()));
@@ -72,7 +72,7 @@ TEST_CASE("a camera that cannot be is refused with line, field and range") {
   CHECK(has(with("width", "100000"), ":5: field width is 100000, expected a number in [1, 32767]"));
   CHECK(has(with("height", "1e400"), ":6: field height is no number"));
   CHECK(has(with("height", "480.5"), "field height, expected a whole number"));
-  CHECK(has(message_of("fx: 500\nfy: 510\ncx: 320\ncy: 240\nwidth: 30000\nheight: 30000\ndepth_scale: 1000\n"),
+  CHECK(has(camera_error("fx: 500\nfy: 510\ncx: 320\ncy: 240\nwidth: 30000\nheight: 30000\ndepth_scale: 1000\n"),
             "fields width and height are 30000 x 30000, expected at most 100000000 pixels"));
   CHECK(with("fx", "1e6").empty());
   CHECK(with("depth_scale", "1").empty());
@@ -87,9 +87,9 @@ TEST_CASE("a camera that cannot be is refused with line, field and range") {
 }
 
 TEST_CASE("a camera file that says two things is refused, and a folder is named") {
-  CHECK(has(message_of(kGood + "fx: 501\n"), ":8: 'fx' is given twice"));
-  CHECK(has(message_of(kGood + "---\n" + kGood), ": a second document begins"));
-  CHECK(has(message_of(kGood + "? [1]\n: 2\n"), ": a name that is no text"));
+  CHECK(has(camera_error(kGood + "fx: 501\n"), ":8: 'fx' is given twice"));
+  CHECK(has(camera_error(kGood + "---\n" + kGood), ": a second document begins"));
+  CHECK(has(camera_error(kGood + "? [1]\n: 2\n"), ": a name that is no text"));
   const std::string folder = std::filesystem::temp_directory_path().string();
   try {
     (void)camera_from_yaml(folder);

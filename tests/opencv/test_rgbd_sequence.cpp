@@ -55,7 +55,7 @@ CameraModel small_camera() {
   return c;
 }
 
-std::string message_of(const std::string& folder) {
+std::string recording_error(const std::string& folder) {
   try {
     RgbdSequence s(folder, small_camera());
   } catch (const io_error& e) {
@@ -63,7 +63,7 @@ std::string message_of(const std::string& folder) {
   }
   return {};
 }
-bool has(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
+bool says(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 }  // namespace
 
 TEST_CASE("a good recording: stamps of the colour images, metres, grey in [0,1]") {
@@ -86,17 +86,17 @@ TEST_CASE("a good recording: stamps of the colour images, metres, grey in [0,1]"
 }
 
 TEST_CASE("broken recordings name the file and what was expected") {
-  CHECK(has(message_of("/nowhere/at/all"), "no such folder"));
+  CHECK(says(recording_error("/nowhere/at/all"), "no such folder"));
   const Recording r("broken");
-  CHECK(has(message_of(r.path()), "rgb.txt"));
+  CHECK(says(recording_error(r.path()), "rgb.txt"));
   r.text("rgb.txt", "0.0 rgb/0.png\n");
-  CHECK(has(message_of(r.path()), "depth.txt"));
+  CHECK(says(recording_error(r.path()), "depth.txt"));
   r.text("depth.txt", "# only a comment\n");
-  CHECK(has(message_of(r.path()), "depth.txt"));
+  CHECK(says(recording_error(r.path()), "depth.txt"));
   r.text("depth.txt", "100.0 depth/0.png\n");
-  CHECK(has(message_of(r.path()), "same recording"));
+  CHECK(says(recording_error(r.path()), "same recording"));
   r.text("associations.txt", "0.0 rgb/0.png\n");
-  CHECK(has(message_of(r.path()), "associations.txt:1"));
+  CHECK(says(recording_error(r.path()), "associations.txt:1"));
   CHECK_THROWS_AS(RgbdSequence(r.path(), CameraModel{}), contract_error);
 }
 
@@ -106,15 +106,15 @@ TEST_CASE("files of the lists are in the folder, and a link that leads nowhere i
   for (const char* outside : {"../0.png", "rgb/../../0.png", "/tmp/0.png"}) {
     CAPTURE(outside);
     r.text("associations.txt", std::string("0.0 ") + outside + " 0.0 depth/0.png\n");
-    CHECK(has(message_of(r.path()), "expected files in this folder"));
+    CHECK(says(recording_error(r.path()), "expected files in this folder"));
   }
   r.text("associations.txt", "0.0 rgb/../rgb/0.png 0.0 depth/0.png\n");
-  CHECK(message_of(r.path()).empty());
+  CHECK(recording_error(r.path()).empty());
   fs::create_symlink("groundtruth.txt", r.path() + "/groundtruth.txt");
   CHECK(RgbdSequence(r.path(), small_camera()).groundtruth_path() == r.path() + "/groundtruth.txt");
   fs::remove(r.path() + "/associations.txt");
   fs::create_symlink("nowhere", r.path() + "/associations.txt");
-  CHECK(has(message_of(r.path()), "associations.txt: cannot open"));
+  CHECK(says(recording_error(r.path()), "associations.txt: cannot open"));
 }
 
 TEST_CASE("unsorted and repeated stamps are put right with a warning") {
@@ -144,7 +144,7 @@ TEST_CASE("a broken frame tells why and the next one is read") {
     CAPTURE(i);
     CHECK_FALSE(s.read(i, f));
     CAPTURE(f.error);
-    CHECK(has(f.error, part[i]));
+    CHECK(says(f.error, part[i]));
     CHECK(f.intensity.empty());
   }
   CHECK(s.read(5, f));
@@ -183,7 +183,7 @@ TEST_CASE("cameras by name") {
     (void)camera_by_name("kinect");
     FAIL("expected an exception");
   } catch (const contract_error& e) {
-    CHECK(has(e.what(), "icl-nuim"));
-    CHECK(has(e.what(), "kinect"));
+    CHECK(says(e.what(), "icl-nuim"));
+    CHECK(says(e.what(), "kinect"));
   }
 }

@@ -290,8 +290,8 @@ elseif(WAY STREQUAL "single")
   must_fail("include either one single file or the headers of the folder" ${COMPILER} -std=c++17 -fsyntax-only
             -I${SOURCE}/include -I${SCRATCH}/single -I${EIGEN} ${SCRATCH}/mixed.cpp)
 elseif(WAY STREQUAL "parts")
-  # Each part as a single file: the programs of examples/ that include this part, and nothing else but the synthetic
-  # recordings, compile with the file instead of the folder, without warnings, and run.
+  # Each part as a single file: the first program of examples/ that includes this part, and nothing else but the synthetic
+  # recordings, compiles with the file instead of the folder, without warnings, and runs.
   file(GLOB programs ${SOURCE}/examples/*.cpp)
   foreach(part IN ITEMS score threshold motion align blend evaluate track)
     set(tried OFF)
@@ -313,13 +313,9 @@ elseif(WAY STREQUAL "parts")
         file(WRITE ${alone}/${header} "#include \"${SCRATCH}/${name}.hpp\"\n")
       endforeach()
       set(flags -std=c++17 -O1 -Wall -Wextra -Wconversion -Wshadow -pedantic -Werror -I${alone} -isystem ${EIGEN})
-      foreach(compiler IN LISTS COMPILERS)
-        if(NOT compiler STREQUAL COMPILER)
-          run(${compiler} ${flags} -fsyntax-only ${program})
-        endif()
-      endforeach()
       run(${COMPILER} ${flags} ${program} -o ${alone}/program)
       run(${alone}/program)
+      break()
     endforeach()
     if(NOT tried)
       message(FATAL_ERROR "examples/ has no program that includes apso/${part}.hpp and nothing else of apso")

@@ -12,6 +12,7 @@
 #include <apso/traits/frame.hpp>
 
 #include "../foreign_types.hpp"
+#include "quick_start.hpp"
 
 using namespace apso;
 
@@ -27,15 +28,9 @@ testing::SyntheticOptions small_world() {
   o.frames = 60;
   return o;
 }
-PipelineOptions quick_start() {
-  PipelineOptions o;
-  o.assessor.initialisation.frames = 5;
-  return o;
-}
-
 // What a host holds of a frame; the native one is what the foreign one says.
-struct Host {
-  explicit Host(int i) : sequence("walking_xyz", small_world()) {
+struct HeldFrame {
+  explicit HeldFrame(int i) : sequence("walking_xyz", small_world()) {
     sequence.render(i, frame);
     for (std::size_t k = 0; k < frame.depth.size(); ++k) {
       float& z = frame.depth.data()[k];
@@ -99,7 +94,7 @@ TEST_CASE("foreign images, poses, keypoints, tracks and detections give what nat
   BasicPipeline<foreign::DualQuaternionPose> pipeline(camera, quick_start());
   bool refined = false;
   for (int i = 0; i < 14; ++i) {
-    const Host host(i);
+    const HeldFrame host(i);
     const auto T = from_pose<foreign::DualQuaternionPose>(host.pose);
     const Observation& a = native.observe(host.frame.rgbd(), host.pose, host.tracks, host.detections);
     const Observation& b = pipeline.observe(frame(host.frame.timestamp, host.grey, scaled(host.raw, kUnit), camera), T,
@@ -119,7 +114,7 @@ TEST_CASE("foreign images, poses, keypoints, tracks and detections give what nat
 }
 
 TEST_CASE("float millimetres and a point cloud are depth, rows of twelve floats are a pose") {
-  const Host host(3);
+  const HeldFrame host(3);
   const Pinhole camera = host.sequence.camera();
   const auto mm = foreign::float_millimetres(host.frame.depth);
   const auto cloud = foreign::xyz_cloud(host.frame.depth, 300, 160, 120);
@@ -143,7 +138,7 @@ TEST_CASE("a pose of the host's that is no pose makes the frame BAD, whatever it
   for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), 0.0F}) {
     BasicPipeline<foreign::RowMajor3x4Pose> pipeline(camera, quick_start());
     for (int i = 0; i < 9; ++i) {
-      const Host host(i);
+      const HeldFrame host(i);
       auto T = from_pose<foreign::RowMajor3x4Pose>(host.pose);
       const auto prior = T;
       const bool broken = i == 8;
@@ -165,11 +160,11 @@ TEST_CASE("nothing of the host's is read after a call has returned") {
   Pipeline a(camera, options);
   Pipeline b(camera, options);
   for (int i = 0; i < 14; ++i) {
-    const Host kept(i);
+    const HeldFrame kept(i);
     a.observe(kept.frame.rgbd(), kept.pose, kept.tracks, kept.detections);
     a.assess(kept.keypoints, kept.tracks, {kept.pose, kept.pose, true});
     {
-      Host gone(i);
+      HeldFrame gone(i);
       b.observe(gone.frame.rgbd(), gone.pose, gone.tracks, gone.detections);
       const float nan = std::numeric_limits<float>::quiet_NaN();
       gone.frame.intensity.assign(320, 240, nan);
@@ -178,7 +173,7 @@ TEST_CASE("nothing of the host's is read after a call has returned") {
       gone.tracks.assign(gone.tracks.size(), PointTrack{});
     }
     {
-      Host gone(i);
+      HeldFrame gone(i);
       b.assess(gone.keypoints, gone.tracks, {gone.pose, gone.pose, true});
       gone.keypoints.assign(gone.keypoints.size(), Keypoint{});
     }
@@ -197,7 +192,7 @@ TEST_CASE("nothing of the host's is read after a call has returned") {
 }
 
 TEST_CASE("a mask is an image of labels, of probabilities, or a DynamicMask; a null pointer is none") {
-  const Host host(0);
+  const HeldFrame host(0);
   const Pinhole camera = host.sequence.camera();
   PipelineOptions options;
   options.motion = false;
@@ -247,7 +242,7 @@ struct LeftHalf {
 }  // namespace
 
 TEST_CASE("a motion policy of the host's takes the place of the default one") {
-  const Host host(0);
+  const HeldFrame host(0);
   std::array<int, 3> calls{};
   BasicPipeline<Pose, LeftHalf> pipeline(host.sequence.camera(), LeftHalf{&calls});
   CHECK(pipeline.observe(host.frame.rgbd(), host.pose).dynamic_ratio == doctest::Approx(0.5));
@@ -286,7 +281,7 @@ TEST_CASE("scores and a kernel of the host's take part in the pipeline") {
   options.assessor.initialisation.frames = 5;
   Own pipeline(camera, options);
   for (int i = 0; i < 13; ++i) {
-    const Host host(i);
+    const HeldFrame host(i);
     pipeline.observe(host.frame.rgbd(), host.pose, host.tracks, host.detections);
     const auto& assessment = pipeline.assess(host.keypoints, host.tracks, {host.pose, host.pose, true});
     CHECK(assessment.get<AlwaysHalf>()->value() == 0.5);

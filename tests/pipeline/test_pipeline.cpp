@@ -12,6 +12,8 @@
 #include <apso/quality/explain.hpp>
 #include <apso/testing/synthetic.hpp>
 
+#include "quick_start.hpp"
+
 using namespace apso;
 
 namespace {
@@ -71,12 +73,6 @@ class Host {
   std::vector<Keypoint> keypoints_;
   std::vector<PointTrack> tracks_;
 };
-
-PipelineOptions quick_start() {
-  PipelineOptions o;
-  o.assessor.initialisation.frames = 5;
-  return o;
-}
 
 }  // namespace
 

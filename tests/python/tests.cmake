@@ -11,7 +11,6 @@ endforeach()
 if(_found)
   add_executable(apso_python_reference ${PROJECT_SOURCE_DIR}/python/tests/reference.cpp)
   target_link_libraries(apso_python_reference PRIVATE apso::apso)
-  target_compile_options(apso_python_reference PRIVATE $<$<CONFIG:Release>:-O1>)
   add_test(NAME python COMMAND ${CMAKE_CURRENT_LIST_DIR}/test.sh ${_found} ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_BINARY_DIR}/python
                                $<TARGET_FILE:apso_python_reference>
                                $<$<TARGET_EXISTS:apso_synth>:$<TARGET_FILE:apso_synth>>)

@@ -28,7 +28,7 @@ static_assert(!std::is_convertible_v<double, Quality> && !std::is_convertible_v<
 static_assert(!std::is_invocable_v<decltype(combine_final), Quality, MaybeQuality, double, ChangePolarity>);
 
 namespace {
-constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+constexpr float kFloatNaN = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInf = std::numeric_limits<float>::infinity();
 
 Detection object(float x, float y, float w, float h, float score = 0.9F, int class_id = 0) {
@@ -83,7 +83,7 @@ TEST_CASE("S_conf") {
   CHECK_FALSE(confidence_score({}, 640, 480));
   o.without_objects = WithoutObjects::Neutral;
   CHECK(confidence_score({}, 640, 480, o)->value() == .5);
-  CHECK_FALSE(confidence_score({object(0, 0, 1, 1, kNaN)}, 640, 480));
+  CHECK_FALSE(confidence_score({object(0, 0, 1, 1, kFloatNaN)}, 640, 480));
   CHECK(confidence_score({object(0, 0, 1, 1, 7.F)}, 640, 480)->value() == 1.0);
   Detection wall = object(0, 0, 9, 9);
   wall.movable = false;
@@ -116,7 +116,7 @@ TEST_CASE("S_spatial, background availability") {
     CHECK(s <= last);
     last = s;
   }
-  for (const Detection& bad : {object(kNaN, 0, 5, 5), object(-kInf, kNaN, kInf, 3), object(5, 5, -3, -3)}) {
+  for (const Detection& bad : {object(kFloatNaN, 0, 5, 5), object(-kInf, kFloatNaN, kInf, 3), object(5, 5, -3, -3)}) {
     CHECK(spatial_score({bad}, 640, 480)->value() == 1.0);  // hides nothing
     SpatialOptions o;
     o.form = SpatialForm::ObjectObservability;
@@ -194,14 +194,14 @@ TEST_CASE("keypoints on dynamic pixels do not count, and their cells neither") {
   CHECK(half.valid_cells == 24);
   CHECK(half.occupancy == Approx(1));  // the masked half is not counted as empty
   CHECK(half.entropy == Approx(1));
-  const FeatureMeasure nothing = measure_features(points, Image<float>(640, 480, kNaN), 640, 480, o, scratch);
+  const FeatureMeasure nothing = measure_features(points, Image<float>(640, 480, kFloatNaN), 640, 480, o, scratch);
   CHECK(nothing.static_keypoints == 0);
   CHECK(feature_score(nothing, 20, o).score.value() == 0);
-  const FeatureMeasure bad =
-      measure_features({{kNaN, 3, 5, 0, 0}, {3, 3, kNaN, 0, 0}, {5, kInf, 1, 0, 0}, {9, 9, -4, 0, 0}}, none, 640, 480, o, scratch);
+  const FeatureMeasure bad = measure_features({{kFloatNaN, 3, 5, 0, 0}, {3, 3, kFloatNaN, 0, 0}, {5, kInf, 1, 0, 0}, {9, 9, -4, 0, 0}},
+                                              none, 640, 480, o, scratch);
   CHECK(bad.keypoints == 2);
   CHECK(bad.median_response == 0);
-  CHECK(feature_score(bad, static_cast<double>(kNaN), o).score.value() == 0);
+  CHECK(feature_score(bad, static_cast<double>(kFloatNaN), o).score.value() == 0);
 }
 
 TEST_CASE("S_feature falls with fewer, weaker and more crowded keypoints, in every form") {
@@ -238,7 +238,7 @@ TEST_CASE("S_depth") {
   CHECK(single.S_cons == 0);
   CHECK(single.S_smo == 0);
   CHECK(single.score.value() == Approx(.5 * single.S_cov));
-  for (const float bad : {0.F, kNaN, kInf, -1.F, 99.F}) CHECK(depth_score(Image<float>(640, 480, bad)).score.value() == 0.0);
+  for (const float bad : {0.F, kFloatNaN, kInf, -1.F, 99.F}) CHECK(depth_score(Image<float>(640, 480, bad)).score.value() == 0.0);
   CHECK(depth_score(Image<float>(5, 5, 1.F)).score.value() == 0.0);
   // every second pixel column missing: half of them are covered
   Image<float> left = plane(0, 0, .5);
@@ -279,7 +279,7 @@ TEST_CASE("S_mc") {
   CHECK(m.score.value() == Approx(.63212).epsilon(1e-4));
   CHECK(motion_change(still, 1600, 640, 480, o, .1, scratch).score.value() == Approx(.5));  // a quarter is left: rho = .5
   CHECK(motion_change({}, 400, 640, 480, o, .1, scratch).score.value() == 1);
-  CHECK(motion_change({{kNaN, 0, 0, 0}, {0, 0, kInf, 0}}, 2, 640, 480, o, .1, scratch).score.value() == 1);
+  CHECK(motion_change({{kFloatNaN, 0, 0, 0}, {0, 0, kInf, 0}}, 2, 640, 480, o, .1, scratch).score.value() == 1);
   // no valid cell: the mean of the points stands in
   const MotionMeasure few = motion_change({{0, 0, 80, 0}, {600, 400, 520, 400}}, 2, 640, 480, o, .1, scratch);
   CHECK(few.cells == 0);
@@ -320,7 +320,7 @@ TEST_CASE("S_dc") {
   sample_depth(mixed, none, b);
   CHECK(depth_change(a, b, o).mean == Approx(.5));
   CHECK(depth_change(a, b, o).spread == Approx(.5));
-  sample_depth(Image<float>(64, 48, kNaN), none, b);
+  sample_depth(Image<float>(64, 48, kFloatNaN), none, b);
   CHECK(b.present);
   CHECK(depth_change(a, b, o).score.value() == 1);
   sample_depth(Image<float>(64, 48, 2.F), Image<float>(64, 48, 1.F), b);  // all dynamic
@@ -360,7 +360,7 @@ TEST_CASE("S_dec") {
     last = s;
   }
   // boxes that are not finite match nothing
-  CHECK(detection_change({object(kNaN, kNaN, kInf, 1)}, {object(0, 0, kInf, kInf)}).score.value() == .5);
+  CHECK(detection_change({object(kFloatNaN, kFloatNaN, kInf, 1)}, {object(0, 0, kInf, kInf)}).score.value() == .5);
 }
 
 TEST_CASE("the calibrated scale maps the 95th percentile to 0.3") {

@@ -20,6 +20,10 @@ inline apso::Pinhole camera(int width = 320) {
   return {525 * s, 525 * s, (319.5 + 0.5) * s - 0.5, (239.5 + 0.5) * s - 0.5, width, width * 3 / 4};
 }
 
+// What most tests look through.
+inline const apso::Pinhole kCamera = camera(320);
+inline const apso::Pinhole kSmallCamera = camera(160);
+
 inline double lattice(int i, int j, int face) {
   // unsigned, whose products wrap
   std::uint32_t h =
@@ -138,6 +142,9 @@ inline Pose pose(double x, double y, double z, double rx, double ry, double rz) 
   xi << x, y, z, rx * d, ry * d, rz * d;
   return apso::se3_exp(xi);
 }
+
+// The motion that most tests look for.
+inline const Pose kTruth = pose(.02, -.01, .02, .5, -.7, .3);
 
 inline double translation_error(const Pose& a, const Pose& b) { return (apso::inverse(a) * b).translation().norm(); }
 

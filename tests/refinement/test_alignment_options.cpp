@@ -39,39 +39,37 @@ struct apso::camera_traits<Focal> {
 };
 
 namespace {
-const Pinhole kCamera = room::camera(320);
-const Pose kTruth = room::pose(.02, -.01, .02, .5, -.7, .3);
 
 PairOptions full_size() {
   PairOptions o;
   o.pyramid.finest = 0;
   return o;
 }
-double error_of(const PairAlignment<>& a, const Pose& truth = kTruth) {
+double error_of(const PairAlignment<>& a, const Pose& truth = room::kTruth) {
   return room::translation_error(inverse(a.T_current_reference), truth);
 }
 }  // namespace
 
 TEST_CASE("rows and single pixels give the same answer, and so does a camera type of the user's") {
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
-  const room::Frame c = room::render(kCamera, kTruth, {}, 2);
-  const PairAlignment a = align(r.intensity, r.depth, c.intensity, c.depth, kCamera);
-  const PairAlignment b = align(Slow{r.intensity}, Slow{r.depth}, Slow{c.intensity}, Slow{c.depth}, kCamera, Pose::Identity());
+  const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(room::kCamera, room::kTruth, {}, 2);
+  const PairAlignment a = align(r.intensity, r.depth, c.intensity, c.depth, room::kCamera);
+  const PairAlignment b = align(Slow{r.intensity}, Slow{r.depth}, Slow{c.intensity}, Slow{c.depth}, room::kCamera, Pose::Identity());
   REQUIRE(a.status == Status::Converged);
   CHECK((a.T_current_reference.matrix().array() == b.T_current_reference.matrix().array()).all());
   CHECK((a.detail.information.array() == b.detail.information.array()).all());
-  const PairAlignment d = align(r.intensity, r.depth, c.intensity, c.depth, Focal{kCamera});
+  const PairAlignment d = align(r.intensity, r.depth, c.intensity, c.depth, Focal{room::kCamera});
   CHECK((a.T_current_reference.matrix() - d.T_current_reference.matrix()).norm() < 1e-6);
 }
 
 TEST_CASE("a changed brightness is found and does not matter") {
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
-  room::Frame c = room::render(kCamera, kTruth, {}, 2);
+  const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 1);
+  room::Frame c = room::render(room::kCamera, room::kTruth, {}, 2);
   for (std::size_t i = 0; i < c.intensity.size(); ++i) c.intensity.data()[i] = 1.2F * c.intensity.data()[i] - .05F;
   PairOptions o = full_size();
-  const PairAlignment with = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o);
+  const PairAlignment with = align(r.intensity, r.depth, c.intensity, c.depth, room::kCamera, Pose::Identity(), o);
   o.alignment.illumination = false;
-  const PairAlignment without = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o);
+  const PairAlignment without = align(r.intensity, r.depth, c.intensity, c.depth, room::kCamera, Pose::Identity(), o);
   REQUIRE(succeeded(with.status));
   CHECK(static_cast<double>(with.detail.illumination.gain) == doctest::Approx(1.2).epsilon(.02));
   CHECK(static_cast<double>(with.detail.illumination.offset) == doctest::Approx(-.05).epsilon(.2).scale(0));
@@ -80,23 +78,23 @@ TEST_CASE("a changed brightness is found and does not matter") {
 }
 
 TEST_CASE("the brightness of a few pixels is not believed") {
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
-  room::Frame c = room::render(kCamera, Pose::Identity(), {}, 2);
+  const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 1);
+  room::Frame c = room::render(room::kCamera, Pose::Identity(), {}, 2);
   for (std::size_t i = 0; i < c.intensity.size(); ++i) c.intensity.data()[i] *= 1.2F;
   const RobustKernel kernel;
   const NoiseModel noise;
   PyramidOptions full;
   full.finest = 0;
   FramePyramid current;
-  current.build(c.view(), kCamera, {}, full);
+  current.build(c.view(), room::kCamera, {}, full);
   for (const int side : {8, 60}) {  // of the square that has depth: a border of two pixels is not compared, so that 16 are, and enough
     room::Frame part = r;
-    part.depth.assign(kCamera.width, kCamera.height, 0.0F);
+    part.depth.assign(room::kCamera.width, room::kCamera.height, 0.0F);
     for (int y = 100; y < 100 + side; ++y) {
       for (int x = 150; x < 150 + side; ++x) part.depth(x, y) = r.depth(x, y);
     }
     FramePyramid reference;
-    reference.build(part.view(), kCamera, {}, full);
+    reference.build(part.view(), room::kCamera, {}, full);
     AlignmentCost cost{AlignmentOptions{}};
     REQUIRE(cost.begin({{&reference, Pose::Identity(), 1}}, current, KernelRef(kernel), NoiseRef(noise), false));
     cost.enter(0);
@@ -113,26 +111,26 @@ TEST_CASE("a moving body does not pull the pose when nobody says that it moves")
   const room::Slab before{true, -.25, .45, 1.5};
   room::Slab after = before;
   after.x += .06;
-  const room::Frame r = room::render(kCamera, Pose::Identity(), before, 1);
-  const room::Frame c = room::render(kCamera, kTruth, after, 2);
+  const room::Frame r = room::render(room::kCamera, Pose::Identity(), before, 1);
+  const room::Frame c = room::render(room::kCamera, room::kTruth, after, 2);
   CHECK(c.dynamic_share > .2);
   PairOptions o = full_size();
-  const PairAlignment with = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o);
+  const PairAlignment with = align(r.intensity, r.depth, c.intensity, c.depth, room::kCamera, Pose::Identity(), o);
   REQUIRE(succeeded(with.status));
   CHECK(error_of(with) < .004);
   CHECK(with.detail.static_share < .9);
-  const room::Frame still = room::render(kCamera, kTruth, before, 2);
-  const PairAlignment all = align(r.intensity, r.depth, still.intensity, still.depth, kCamera, Pose::Identity(), o);
+  const room::Frame still = room::render(room::kCamera, room::kTruth, before, 2);
+  const PairAlignment all = align(r.intensity, r.depth, still.intensity, still.depth, room::kCamera, Pose::Identity(), o);
   CHECK(all.detail.static_share > with.detail.static_share);
 }
 
 TEST_CASE("every policy aligns") {
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
-  const room::Frame c = room::render(kCamera, kTruth, {}, 2);
+  const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(room::kCamera, room::kTruth, {}, 2);
   const auto check = [&](const AlignmentOptions& alignment, double limit) {
     PairOptions o = full_size();
     o.alignment = alignment;
-    const PairAlignment a = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o);
+    const PairAlignment a = align(r.intensity, r.depth, c.intensity, c.depth, room::kCamera, Pose::Identity(), o);
     REQUIRE(succeeded(a.status));
     CHECK(error_of(a) < limit);
   };
@@ -195,11 +193,11 @@ struct OwnNoise {
 }  // namespace
 
 TEST_CASE("an aligner of a user's kernel and noise model gives what those of apso with the same formulas give") {
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
-  const room::Frame c = room::render(kCamera, kTruth, {}, 2);
+  const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(room::kCamera, room::kTruth, {}, 2);
   FramePyramid reference, current;
-  reference.build(r.view(), kCamera, {}, full_size().pyramid, PyramidRole::Reference);
-  current.build(c.view(), kCamera, {}, full_size().pyramid, PyramidRole::Current);
+  reference.build(r.view(), room::kCamera, {}, full_size().pyramid, PyramidRole::Reference);
+  current.build(c.view(), room::kCamera, {}, full_size().pyramid, PyramidRole::Current);
   AlignmentOptions options;
   options.kernel.k = 1.5;
   DirectAligner usual(options);
@@ -215,14 +213,14 @@ TEST_CASE("an aligner of a user's kernel and noise model gives what those of aps
 }
 
 TEST_CASE("the alpha that the residuals ask for is lower where bodies move") {
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
+  const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 1);
   AlignmentOptions o;
   o.kernel.kind = KernelKind::AdaptiveBarron;
   const auto alpha = [&](const room::Slab& body) {
-    const room::Frame c = room::render(kCamera, kTruth, body, 2);
+    const room::Frame c = room::render(room::kCamera, room::kTruth, body, 2);
     PairOptions pair = full_size();
     pair.alignment = o;
-    const auto a = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), pair);
+    const auto a = align(r.intensity, r.depth, c.intensity, c.depth, room::kCamera, Pose::Identity(), pair);
     CHECK(succeeded(a.status));
     return a.detail.kernel_alpha;
   };
@@ -233,11 +231,11 @@ TEST_CASE("the alpha that the residuals ask for is lower where bodies move") {
 }
 
 TEST_CASE("the way back must agree") {
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
-  const room::Frame c = room::render(kCamera, kTruth, {}, 2);
+  const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(room::kCamera, room::kTruth, {}, 2);
   PairOptions o = full_size();
   o.backward = true;
-  const PairAlignment a = align(r.intensity, r.depth, c.intensity, c.depth, kCamera, Pose::Identity(), o);
+  const PairAlignment a = align(r.intensity, r.depth, c.intensity, c.depth, room::kCamera, Pose::Identity(), o);
   CHECK(a.confidence > .5);
   CHECK(a.backward_translation < .005);
   CHECK(a.backward_translation > 0);
@@ -256,26 +254,26 @@ TEST_CASE("the way back must agree") {
 }
 
 TEST_CASE("nothing to see is never a success") {
-  const room::Frame good = room::render(kCamera, Pose::Identity(), {}, 1);
+  const room::Frame good = room::render(room::kCamera, Pose::Identity(), {}, 1);
   room::Frame blank = good, blind = good;
   for (std::size_t i = 0; i < blank.intensity.size(); ++i) {
     blank.intensity.data()[i] = .4F;  // a constant image, the depth is there
     blind.depth.data()[i] = 0;        // an image without any depth
   }
-  const PairAlignment a = align(good.intensity, good.depth, blank.intensity, blank.depth, kCamera);
+  const PairAlignment a = align(good.intensity, good.depth, blank.intensity, blank.depth, room::kCamera);
   CHECK((!succeeded(a.status) || a.confidence < .5));
   PairOptions by_depth;  // asked for, depth alone is enough where it determines the pose
   by_depth.alignment.depth_alone = true;
-  const PairAlignment d = align(good.intensity, good.depth, blank.intensity, blank.depth, kCamera, Pose::Identity(), by_depth);
+  const PairAlignment d = align(good.intensity, good.depth, blank.intensity, blank.depth, room::kCamera, Pose::Identity(), by_depth);
   REQUIRE(succeeded(d.status));
   CHECK(d.T_current_reference.translation().norm() < .002);
-  CHECK_FALSE(succeeded(align(good.intensity, good.depth, blind.intensity, blind.depth, kCamera).status));
-  CHECK_FALSE(succeeded(align(blind.intensity, blind.depth, good.intensity, good.depth, kCamera).status));
-  Pinhole zero = kCamera;
+  CHECK_FALSE(succeeded(align(good.intensity, good.depth, blind.intensity, blind.depth, room::kCamera).status));
+  CHECK_FALSE(succeeded(align(blind.intensity, blind.depth, good.intensity, good.depth, room::kCamera).status));
+  Pinhole zero = room::kCamera;
   zero.fx = 0;
   CHECK_THROWS_AS((void)align(good.intensity, good.depth, good.intensity, good.depth, zero), contract_error);
   const Image<float> small(100, 100, 1.0F);
-  CHECK_THROWS_AS((void)align(good.intensity, small, good.intensity, good.depth, kCamera), contract_error);
+  CHECK_THROWS_AS((void)align(good.intensity, small, good.intensity, good.depth, room::kCamera), contract_error);
 }
 
 TEST_CASE("directions that are open, images that disagree and a vague pose lower the confidence") {

@@ -19,14 +19,11 @@ using namespace apso;
 using counting::Allocations;
 using counting::count;
 
-namespace {
-const Pinhole kCamera = room::camera(320);
-const Pose kTruth = room::pose(.02, -.01, .02, .5, -.7, .3);
-}  // namespace
+namespace {}  // namespace
 
 TEST_CASE("alignment that is warm allocates nothing") {
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
-  const room::Frame c = room::render(kCamera, kTruth, {true, -.3, .4, 1.5}, 2);  // something moves: all paths are taken
+  const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(room::kCamera, room::kTruth, {true, -.3, .4, 1.5}, 2);  // something moves: all paths are taken
   for (const bool masked : {false, true}) {
     FramePyramid reference, current;
     AlignmentOptions searching;
@@ -36,8 +33,8 @@ TEST_CASE("alignment that is warm allocates nothing") {
     std::vector<Pose> candidates{Pose::Identity()};
     AlignmentResult result;
     const auto once = [&] {
-      reference.build(r.view(), kCamera, masked ? r.probability.view() : ImageView<const float>{}, {}, PyramidRole::Both);
-      current.build(c.view(), kCamera, masked ? c.probability.view() : ImageView<const float>{}, {}, PyramidRole::Both);
+      reference.build(r.view(), room::kCamera, masked ? r.probability.view() : ImageView<const float>{}, {}, PyramidRole::Both);
+      current.build(c.view(), room::kCamera, masked ? c.probability.view() : ImageView<const float>{}, {}, PyramidRole::Both);
       result = aligner.align(references, current, candidates);
     };
     once();
@@ -49,10 +46,10 @@ TEST_CASE("alignment that is warm allocates nothing") {
 }
 
 TEST_CASE("the velocity of a camera and its rolling shutter allocate nothing when they are warm") {
-  const room::Frame a = room::render(kCamera, Pose::Identity(), {}, 1);
-  const room::Frame b = room::render(kCamera, kTruth, {}, 2);
-  CameraVelocity velocity(kCamera);
-  RollingShutter shutter(kCamera, 0.03);
+  const room::Frame a = room::render(room::kCamera, Pose::Identity(), {}, 1);
+  const room::Frame b = room::render(room::kCamera, room::kTruth, {}, 2);
+  CameraVelocity velocity(room::kCamera);
+  RollingShutter shutter(room::kCamera, 0.03);
   Image<float> intensity;
   double t = 0;
   bool known = true;
@@ -74,17 +71,17 @@ TEST_CASE("the velocity of a camera and its rolling shutter allocate nothing whe
 }
 
 TEST_CASE("looking for other answers allocates nothing") {
-  Image<float> intensity[2], depth(kCamera.width, kCamera.height);
-  depth.assign(kCamera.width, kCamera.height, 2.0F);
+  Image<float> intensity[2], depth(room::kCamera.width, room::kCamera.height);
+  depth.assign(room::kCamera.width, room::kCamera.height, 2.0F);
   for (const int i : {0, 1}) {
-    intensity[i].resize(kCamera.width, kCamera.height);
-    for (int y = 0; y < kCamera.height; ++y) {
-      for (int x = 0; x < kCamera.width; ++x) intensity[i](x, y) = ((x + i) / 12 + y / 12) % 2 == 0 ? 0.2F : 0.8F;
+    intensity[i].resize(room::kCamera.width, room::kCamera.height);
+    for (int y = 0; y < room::kCamera.height; ++y) {
+      for (int x = 0; x < room::kCamera.width; ++x) intensity[i](x, y) = ((x + i) / 12 + y / 12) % 2 == 0 ? 0.2F : 0.8F;
     }
   }
   FramePyramid reference, current;
-  reference.build({0.0, intensity[0], depth}, kCamera);
-  current.build({0.0, intensity[1], depth}, kCamera);
+  reference.build({0.0, intensity[0], depth}, room::kCamera);
+  current.build({0.0, intensity[1], depth}, room::kCamera);
   DirectAligner aligner;
   std::vector<AlignmentReference> references{{&reference, Pose::Identity(), 1}};
   std::vector<Pose> candidates{Pose::Identity()};
@@ -97,15 +94,15 @@ TEST_CASE("looking for other answers allocates nothing") {
 }
 
 TEST_CASE("an image full of corners takes little memory to search them, so that a long run does not grow by its busiest frame") {
-  Image<float> intensity(kCamera.width, kCamera.height), depth(kCamera.width, kCamera.height);
-  depth.assign(kCamera.width, kCamera.height, 2.0F);
-  for (int y = 0; y < kCamera.height; ++y) {
-    for (int x = 0; x < kCamera.width; ++x) intensity(x, y) = (x / 4 + y / 4) % 2 == 0 ? 0.2F : 0.8F;
+  Image<float> intensity(room::kCamera.width, room::kCamera.height), depth(room::kCamera.width, room::kCamera.height);
+  depth.assign(room::kCamera.width, room::kCamera.height, 2.0F);
+  for (int y = 0; y < room::kCamera.height; ++y) {
+    for (int x = 0; x < room::kCamera.width; ++x) intensity(x, y) = (x / 4 + y / 4) % 2 == 0 ? 0.2F : 0.8F;
   }
   FramePyramid pyramid;
   PyramidOptions full;
   full.finest = 0;
-  pyramid.build({0.0, intensity, depth}, kCamera, {}, full);
+  pyramid.build({0.0, intensity, depth}, room::kCamera, {}, full);
   std::vector<CornerMatch> matches;
   matches.reserve(10000);
   CornerMatcher fresh;
@@ -115,16 +112,16 @@ TEST_CASE("an image full of corners takes little memory to search them, so that 
 }
 
 TEST_CASE("reading the images of others allocates nothing: a warm pyramid, and one call of align") {
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
-  const room::Frame c = room::render(kCamera, kTruth, {true, -.3, .4, 1.5}, 2);
+  const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(room::kCamera, room::kTruth, {true, -.3, .4, 1.5}, 2);
   const auto grey_r = foreign::at_only(r.intensity), grey_c = foreign::at_only(c.intensity);
   const auto depth_r = foreign::padded_u16(r.depth, 1 / 5000.F), depth_c = foreign::padded_u16(c.depth, 1 / 5000.F);
   const auto probability = foreign::padded_u16(c.probability, 1 / 1000.F);
-  const auto reference = frame(0, grey_r, scaled(depth_r, 1 / 5000.F), kCamera);
-  const auto current = frame(1, grey_c, scaled(depth_c, 1 / 5000.F), kCamera);
+  const auto reference = frame(0, grey_r, scaled(depth_r, 1 / 5000.F), room::kCamera);
+  const auto current = frame(1, grey_c, scaled(depth_c, 1 / 5000.F), room::kCamera);
   const auto mask = scaled(probability, 1 / 1000.F);
   FramePyramid pyramid;
-  const auto build = [&] { pyramid.build(current, kCamera, mask); };
+  const auto build = [&] { pyramid.build(current, room::kCamera, mask); };
   build();
   CHECK(pyramid.masked());
   CHECK(count(build).number == 0);
@@ -136,8 +133,8 @@ TEST_CASE("reading the images of others allocates nothing: a warm pyramid, and o
   const Allocations frames = count([&] { by_frames = align(reference, current); });
   PairOptions tum;
   tum.depth_unit = 1 / 5000.;
-  const Allocations images = count([&] { by_images = align(grey_r, depth_r, grey_c, depth_c, kCamera, Pose::Identity(), tum); });
-  const Allocations native = count([&] { by_own = align(own[0], own[1], own[2], own[3], kCamera); });
+  const Allocations images = count([&] { by_images = align(grey_r, depth_r, grey_c, depth_c, room::kCamera, Pose::Identity(), tum); });
+  const Allocations native = count([&] { by_own = align(own[0], own[1], own[2], own[3], room::kCamera); });
   REQUIRE(succeeded(by_own.status));
   CHECK(by_frames.T_current_reference.matrix() == by_own.T_current_reference.matrix());
   CHECK(by_images.T_current_reference.matrix() == by_own.T_current_reference.matrix());
@@ -150,12 +147,12 @@ TEST_CASE("a refiner with a full memory allocates nothing, on good frames and on
   RefinerOptions options;
   options.memory.capacity = 4;
   options.alignment.multi_start_threshold = 0;  // all paths are taken
-  Refiner refiner(kCamera, options);
+  Refiner refiner(room::kCamera, options);
   std::vector<room::Frame> frames;
   std::vector<Pose> poses;
   for (int i = 0; i < 3; ++i) {
     poses.push_back(room::pose(.02 * i, 0, .01 * i, 0, .6 * i, 0));
-    frames.push_back(room::render(kCamera, poses.back(), {true, -.3 + .05 * i, .4, 1.5}, static_cast<unsigned>(i + 1)));
+    frames.push_back(room::render(room::kCamera, poses.back(), {true, -.3 + .05 * i, .4, 1.5}, static_cast<unsigned>(i + 1)));
   }
   Refinement result;
   int n = 0;

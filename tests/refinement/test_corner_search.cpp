@@ -14,15 +14,14 @@
 using namespace apso;
 
 namespace {
-const Pinhole kCamera = room::camera(160);
 
 void build(const room::Frame& f, bool mask, FramePyramid& out) {
   PyramidOptions o;
   o.finest = 0;
-  out.build(f.view(), kCamera, mask ? f.probability.view() : ImageView<const float>{}, o, PyramidRole::Both);
+  out.build(f.view(), room::kSmallCamera, mask ? f.probability.view() : ImageView<const float>{}, o, PyramidRole::Both);
 }
 
-std::vector<Pose> search(const room::Frame& reference, const room::Frame& current, bool mask = false) {
+std::vector<Pose> search_corners(const room::Frame& reference, const room::Frame& current, bool mask = false) {
   FramePyramid r, c;
   build(reference, mask, r);
   build(current, mask, c);
@@ -46,19 +45,19 @@ double nearest(const std::vector<Pose>& guesses, const Pose& T_world_current) {
 TEST_CASE("where a corner went is found to a fraction of a pixel") {
   const Pose T = room::pose(.03, .02, -.04, .7, -.6, 1);
   FramePyramid r, c;
-  build(room::render(kCamera, Pose::Identity(), {}, 1), false, r);
-  build(room::render(kCamera, T, {}, 2), false, c);
+  build(room::render(room::kSmallCamera, Pose::Identity(), {}, 1), false, r);
+  build(room::render(room::kSmallCamera, T, {}, 2), false, c);
   CornerMatcher matcher;
   std::vector<CornerMatch> matches;
   CHECK(matcher(r.halved(0), c.halved(0), matches) > 100);
   const Pose T_current_reference = inverse(T);
   std::vector<double> off;  // [px]
   for (const CornerMatch& m : matches) {
-    CHECK(m.pixel == doctest::Approx(1 / kCamera.fx));
+    CHECK(m.pixel == doctest::Approx(1 / room::kSmallCamera.fx));
     const Eigen::Vector3d y = transform(T_current_reference, m.p.cast<double>());
     const Eigen::Vector2d should = y.head<2>() / y.z();
     const Eigen::Vector2d is = m.q.head<2>().cast<double>() / static_cast<double>(m.q.z());
-    const double distance = (should - is).norm() * kCamera.fx;
+    const double distance = (should - is).norm() * room::kSmallCamera.fx;
     if (distance < 2) off.push_back(distance);
   }
   CHECK(off.size() > matches.size() / 2);
@@ -71,8 +70,8 @@ TEST_CASE("a motion of 30 cm and 20 degrees is guessed from corners") {
     CAPTURE(seed);
     const double a = 0.8 * seed;
     const Pose T = room::pose(.3 * std::cos(a), .05, .3 * std::sin(a), 5 * std::sin(2 * a), 18 * std::cos(a), 8 * std::sin(a));
-    const std::vector<Pose> found =
-        search(room::render(kCamera, Pose::Identity(), {}, 2 * seed), room::render(kCamera, T, {}, 2 * seed + 1));
+    const std::vector<Pose> found = search_corners(room::render(room::kSmallCamera, Pose::Identity(), {}, 2 * seed),
+                                                   room::render(room::kSmallCamera, T, {}, 2 * seed + 1));
     REQUIRE(!found.empty());
     CHECK(nearest({found.front()}, T) < .04);  // two pixels
   }
@@ -83,14 +82,14 @@ TEST_CASE("a body that moves and the room behind it give guesses of their own, a
   room::Slab before{true, -.6, 1.2, 1.5};
   room::Slab after = before;
   after.x += .25;
-  const room::Frame r = room::render(kCamera, Pose::Identity(), before, 1);
-  const room::Frame c = room::render(kCamera, T, after, 2);
+  const room::Frame r = room::render(room::kSmallCamera, Pose::Identity(), before, 1);
+  const room::Frame c = room::render(room::kSmallCamera, T, after, 2);
   // where the camera would stand if the body had not moved
   const Pose T_by_the_body = compose(make_pose(identity<Eigen::Matrix3d>(), Eigen::Vector3d(-.25, 0, 0)), T);
-  const std::vector<Pose> both = search(r, c);
+  const std::vector<Pose> both = search_corners(r, c);
   CHECK(nearest(both, T) < .08);  // a third of the 25 cm between the two
   CHECK(nearest(both, T_by_the_body) < .08);
-  const std::vector<Pose> masked = search(r, c, true);
+  const std::vector<Pose> masked = search_corners(r, c, true);
   REQUIRE(!masked.empty());
   CHECK(nearest({masked.front()}, T) < .08);
 }
@@ -154,21 +153,21 @@ TEST_CASE("frames that are mostly masked are given other starts") {
 }
 
 TEST_CASE("nothing is guessed where there is nothing to go by") {
-  room::Frame blank = room::render(kCamera, Pose::Identity());
+  room::Frame blank = room::render(room::kSmallCamera, Pose::Identity());
   const room::Frame good = blank;
   blank.intensity.assign(160, 120, .5F);
-  CHECK(search(blank, good).empty());
-  CHECK(search(good, blank).empty());
+  CHECK(search_corners(blank, good).empty());
+  CHECK(search_corners(good, blank).empty());
   room::Frame no_depth = good;
   no_depth.depth.assign(160, 120, 0.0F);
-  CHECK(search(no_depth, good).empty());
+  CHECK(search_corners(no_depth, good).empty());
 }
 
 TEST_CASE("a reference in memory keeps what corners are looked for in") {
   const Pose T = room::pose(.2, 0, .1, 3, 9, 2);
   FramePyramid r, c, kept;
-  build(room::render(kCamera, Pose::Identity(), {}, 1), false, r);
-  build(room::render(kCamera, T, {}, 2), false, c);
+  build(room::render(room::kSmallCamera, Pose::Identity(), {}, 1), false, r);
+  build(room::render(room::kSmallCamera, T, {}, 2), false, c);
   kept.assign_reference(r);
   CornerSearch s;
   std::vector<Pose> from_all, from_kept;
@@ -181,8 +180,8 @@ TEST_CASE("a reference in memory keeps what corners are looked for in") {
 
 TEST_CASE("the same frames give the same guesses, whatever came before") {
   const Pose T = room::pose(.2, 0, .1, 3, 9, 2);
-  const room::Frame a = room::render(kCamera, Pose::Identity(), {}, 1);
-  const room::Frame b = room::render(kCamera, T, {}, 2);
+  const room::Frame a = room::render(room::kSmallCamera, Pose::Identity(), {}, 1);
+  const room::Frame b = room::render(room::kSmallCamera, T, {}, 2);
   FramePyramid pa, pb;
   build(a, false, pa);
   build(b, false, pb);

@@ -22,8 +22,6 @@ using foreign::DualQuaternionPose;
 using foreign::RowMajor3x4Pose;
 
 namespace {
-const Pinhole kCamera = room::camera(320);
-const Pose kTruth = room::pose(.02, -.01, .02, .5, -.7, .3);
 constexpr float kTum = 1 / 5000.F;
 
 template <class PoseT>
@@ -41,16 +39,16 @@ struct TwoFrames {
   foreign::PaddedU16 depth = foreign::padded_u16(rendered.depth, kTum);
   Image<float> own_grey = foreign::native(grey);
   Image<float> own_depth = foreign::native(depth, kTum);
-  explicit TwoFrames(const Pose& T, unsigned noise) : rendered(room::render(kCamera, T, {true, -.3, .4, 1.5}, noise)) {}
-  [[nodiscard]] auto theirs(double t) const { return frame(t, grey, scaled(depth, kTum), kCamera); }
+  explicit TwoFrames(const Pose& T, unsigned noise) : rendered(room::render(room::kCamera, T, {true, -.3, .4, 1.5}, noise)) {}
+  [[nodiscard]] auto theirs(double t) const { return frame(t, grey, scaled(depth, kTum), room::kCamera); }
   [[nodiscard]] RgbdFrame own(double t) const { return {t, own_grey, own_depth}; }
 };
 }  // namespace
 
 TEST_CASE_TEMPLATE("align takes any images, and gives the motion as the type of the guess", PoseT, DualQuaternionPose, RowMajor3x4Pose,
                    Pose) {
-  const TwoFrames r(Pose::Identity(), 1), c(kTruth, 2);
-  const PairAlignment<> own = align(r.own_grey, r.own_depth, c.own_grey, c.own_depth, kCamera);
+  const TwoFrames r(Pose::Identity(), 1), c(room::kTruth, 2);
+  const PairAlignment<> own = align(r.own_grey, r.own_depth, c.own_grey, c.own_depth, room::kCamera);
   REQUIRE(succeeded(own.status));
   const PoseT guess = from_pose<PoseT>(Pose::Identity());
   const auto theirs = align(r.theirs(0), c.theirs(0.1), guess);
@@ -60,20 +58,20 @@ TEST_CASE_TEMPLATE("align takes any images, and gives the motion as the type of 
   CHECK(theirs.detail.information == own.detail.information);
   PairOptions tum;
   tum.depth_unit = 1 / 5000.;
-  const auto by_images = align(r.grey, r.depth, c.grey, c.depth, kCamera, guess, tum);
+  const auto by_images = align(r.grey, r.depth, c.grey, c.depth, room::kCamera, guess, tum);
   CHECK(distance(by_images.T_current_reference, own.T_current_reference) <= kRounding<PoseT>);
 }
 
 TEST_CASE("depth as a cloud, as float millimetres with an invalid of -1, as 16 bit: the same motion") {
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
-  const room::Frame c = room::render(kCamera, kTruth, {}, 2);
+  const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(room::kCamera, room::kTruth, {}, 2);
   room::Frame holes = r;
   for (int y = 40; y < 60; ++y) {
     for (int x = 100; x < 160; ++x) holes.depth(x, y) = 0;
   }
   const auto motion = [&](const auto& reference_depth, const auto& current_depth) {
-    const auto a = frame(0, r.intensity, reference_depth, kCamera);
-    const auto b = frame(1, c.intensity, current_depth, kCamera);
+    const auto a = frame(0, r.intensity, reference_depth, room::kCamera);
+    const auto b = frame(1, c.intensity, current_depth, room::kCamera);
     const PairAlignment<> found = align(a, b);
     REQUIRE(succeeded(found.status));
     return found.T_current_reference;
@@ -87,15 +85,15 @@ TEST_CASE("depth as a cloud, as float millimetres with an invalid of -1, as 16 b
 }
 
 TEST_CASE("another camera, another size and a failure: the guess comes back as it was") {
-  const TwoFrames r(Pose::Identity(), 1), c(kTruth, 2);
-  Pinhole other = kCamera;
+  const TwoFrames r(Pose::Identity(), 1), c(room::kTruth, 2);
+  Pinhole other = room::kCamera;
   other.fx += 1;
   const auto wrong = frame(0, c.grey, scaled(c.depth, kTum), other);
   CHECK_THROWS_AS((void)align(r.theirs(0), wrong), contract_error);
   foreign::PaddedU16 blind = c.depth;
   for (std::uint16_t& z : blind.buffer) z = 0;
   const RowMajor3x4Pose guess = from_pose<RowMajor3x4Pose>(room::pose(.3, 0, 0, 0, 5, 0));
-  const auto failed = align(r.theirs(0), frame(0, c.grey, scaled(blind, kTum), kCamera), guess);
+  const auto failed = align(r.theirs(0), frame(0, c.grey, scaled(blind, kTum), room::kCamera), guess);
   CHECK_FALSE(succeeded(failed.status));
   CHECK(failed.T_current_reference.m == guess.m);
 }
@@ -121,7 +119,7 @@ TEST_CASE_TEMPLATE("blend gives back the type it gets, and the ends bit by bit",
 }
 
 TEST_CASE("the grids of a frame are those of any image and of any list of tracks") {
-  const TwoFrames c(kTruth, 2);
+  const TwoFrames c(room::kTruth, 2);
   const auto probability = foreign::padded_u16(c.rendered.probability, 1 / 1000.F);
   const DepthGrid own = depth_grid(c.own_depth, foreign::native(probability, 1 / 1000.F));
   CHECK(depth_grid(scaled(c.depth, kTum), scaled(probability, 1 / 1000.F)).inverse_depth == own.inverse_depth);
@@ -163,7 +161,7 @@ TEST_CASE("the grids of a frame are those of any image and of any list of tracks
 
 TEST_CASE_TEMPLATE("memory and refiner take any images and poses, and give the pose back as its type", PoseT, DualQuaternionPose,
                    RowMajor3x4Pose) {
-  Refiner own(kCamera), theirs(kCamera);
+  Refiner own(room::kCamera), theirs(room::kCamera);
   // poses that both types hold: as read back from the foreign one
   const auto as_held = [](const Pose& T) { return to_pose(from_pose<PoseT>(T)); };
   for (int i = 0; i < 6; ++i) {
@@ -211,7 +209,7 @@ TEST_CASE_TEMPLATE("memory and refiner take any images and poses, and give the p
   }
   // without a confident direct pose the feature pose comes back untouched
   other.highly_dynamic = true;
-  Refiner fresh(kCamera);
+  Refiner fresh(room::kCamera);
   const BasicRefinement<PoseT> nothing = fresh.refine(other);
   CHECK(nothing.status == Status::NoReference);
   CHECK(distance(nothing.T_world_camera, to_pose(other.T_world_feature)) == 0);
@@ -223,17 +221,17 @@ TEST_CASE_TEMPLATE("memory and refiner take any images and poses, and give the p
 }
 
 TEST_CASE("the velocity of a camera, and frames that its rolling shutter bent, from any images") {
-  const TwoFrames a(Pose::Identity(), 1), b(kTruth, 2);
-  CameraVelocity own_velocity(kCamera);
-  CameraVelocity velocity(kCamera);
+  const TwoFrames a(Pose::Identity(), 1), b(room::kTruth, 2);
+  CameraVelocity own_velocity(room::kCamera);
+  CameraVelocity velocity(room::kCamera);
   own_velocity.push(a.own(0));
   velocity.push(a.theirs(0));
   own_velocity.push(b.own(0.05));
   velocity.push(b.theirs(0.05));
   REQUIRE(velocity.of_frame_before());
   CHECK(*velocity.of_frame_before() == *own_velocity.of_frame_before());
-  RollingShutter own_shutter(kCamera, 0.03);
-  RollingShutter shutter(kCamera, 0.03);
+  RollingShutter own_shutter(room::kCamera, 0.03);
+  RollingShutter shutter(room::kCamera, 0.03);
   own_shutter.follow(a.own(0), *velocity.of_frame_before(), 0.01);
   shutter.follow(a.theirs(0), *velocity.of_frame_before(), 0.01);
   Image<float> own_intensity;

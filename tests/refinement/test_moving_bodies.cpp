@@ -13,7 +13,6 @@
 using namespace apso;
 
 namespace {
-const Pinhole kCamera = room::camera(320);
 
 struct Aligned {
   AlignmentResult result;
@@ -24,8 +23,8 @@ Aligned run(const room::Frame& r, const room::Frame& c, const Pose& T_world_curr
   PyramidOptions o;
   o.finest = 0;
   FramePyramid reference, current;
-  reference.build(r.view(), kCamera, mask ? r.probability.view() : ImageView<const float>{}, o, PyramidRole::Reference);
-  current.build(c.view(), kCamera, mask ? c.probability.view() : ImageView<const float>{}, o, PyramidRole::Current);
+  reference.build(r.view(), room::kCamera, mask ? r.probability.view() : ImageView<const float>{}, o, PyramidRole::Reference);
+  current.build(c.view(), room::kCamera, mask ? c.probability.view() : ImageView<const float>{}, o, PyramidRole::Current);
   DirectAligner aligner(options);
   Aligned a;
   a.result = aligner.align({{&reference, Pose::Identity(), 1.0}}, current, {Pose::Identity()});
@@ -49,10 +48,10 @@ TEST_CASE("a body that covers 10 to 60 % of the view: true mask, half wrong mask
       room::Slab before{true, -.3 - .5 * share, 1.5 * 320 / 262.5 * share, 1.5};
       room::Slab after = before;
       after.x += .05;
-      room::Frame r = room::render(kCamera, Pose::Identity(), before, 2 * seed);
-      room::Frame c = room::render(kCamera, T, after, 2 * seed + 1);
-      const room::Frame r0 = room::render(kCamera, Pose::Identity(), {}, 2 * seed);
-      const room::Frame c0 = room::render(kCamera, T, {}, 2 * seed + 1);
+      room::Frame r = room::render(room::kCamera, Pose::Identity(), before, 2 * seed);
+      room::Frame c = room::render(room::kCamera, T, after, 2 * seed + 1);
+      const room::Frame r0 = room::render(room::kCamera, Pose::Identity(), {}, 2 * seed);
+      const room::Frame c0 = room::render(room::kCamera, T, {}, 2 * seed + 1);
       without_body.push_back(run(r0, c0, T, false).error);
       no_mask.push_back(run(r, c, T, false).error);
       const Aligned a = run(r, c, T, true);
@@ -75,10 +74,10 @@ TEST_CASE("what moves does not set the scale of the residuals, even where it fil
     room::Slab after = before;
     after.x += .05;
     FramePyramid reference, current;
-    const room::Frame r = room::render(kCamera, Pose::Identity(), before, 2);
-    const room::Frame c = room::render(kCamera, T, after, 3);
-    reference.build(r.view(), kCamera, {}, {}, PyramidRole::Reference);
-    current.build(c.view(), kCamera, {}, {}, PyramidRole::Current);
+    const room::Frame r = room::render(room::kCamera, Pose::Identity(), before, 2);
+    const room::Frame c = room::render(room::kCamera, T, after, 3);
+    reference.build(r.view(), room::kCamera, {}, {}, PyramidRole::Reference);
+    current.build(c.view(), room::kCamera, {}, {}, PyramidRole::Current);
     if (before.on) CHECK(r.dynamic_share > .55);
     DirectAligner aligner;
     return aligner.evaluate({{&reference, Pose::Identity(), 1.0}}, current, T);
@@ -154,8 +153,8 @@ TEST_CASE("a motion far beyond the reach of one descent is found from other star
     const double a = 0.9 * seed;
     const Pose T =
         room::pose(.2 * std::cos(a), .05 * std::sin(2 * a), .2 * std::sin(a), 8 * std::sin(3 * a), 14 * std::cos(2 * a), 6 * std::cos(a));
-    const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 2 * seed);
-    const room::Frame c = room::render(kCamera, T, {}, 2 * seed + 1);
+    const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 2 * seed);
+    const room::Frame c = room::render(room::kCamera, T, {}, 2 * seed + 1);
     right += run(r, c, T, false).error < .005 ? 1 : 0;
     right_one += run(r, c, T, false, one).error < .005 ? 1 : 0;
   }

@@ -55,9 +55,9 @@ Views look_at_wall(const Pinhole& camera, const Brightness& brightness, const Po
   return v;
 }
 
-const Pinhole kCamera{262.5, 262.5, 159.5, 119.5, 320, 240};
+const Pinhole kHalfVga{262.5, 262.5, 159.5, 119.5, 320, 240};
 
-PairAlignment<> align_views(const Views& v) { return align(v.reference_intensity, v.reference_depth, v.intensity, v.depth, kCamera); }
+PairAlignment<> align_views(const Views& v) { return align(v.reference_intensity, v.reference_depth, v.intensity, v.depth, kHalfVga); }
 
 // Squares of random brightness.
 double patches(double x, double y) {
@@ -94,7 +94,7 @@ const Pose kMotion = [] {
 
 TEST_CASE("a wall with stripes leaves the direction along them open, and says so, whatever the noise across them looks like") {
   for (unsigned seed = 1; seed <= 3; ++seed) {
-    const PairAlignment<> r = align_views(look_at_wall(kCamera, stripes, kMotion, seed, 3));
+    const PairAlignment<> r = align_views(look_at_wall(kHalfVga, stripes, kMotion, seed, 3));
     REQUIRE(r.status == Status::Degenerate);
     CHECK(r.detail.degenerate_count == 1);
     Twist along = zeros<Twist>();  // the stripes, in the current camera
@@ -115,7 +115,7 @@ TEST_CASE("a wall with stripes leaves the direction along them open, and says so
 TEST_CASE("a bare wall leaves three directions open") {
   for (unsigned seed = 1; seed <= 3; ++seed) {
     const PairAlignment<> r = align_views(look_at_wall(
-        kCamera, [](double, double) { return 0.5; }, kMotion, seed, 3));
+        kHalfVga, [](double, double) { return 0.5; }, kMotion, seed, 3));
     CHECK(r.detail.degenerate_count >= 3);
     CHECK(r.confidence == 0);
   }
@@ -125,7 +125,7 @@ TEST_CASE("errors on a textured wall are as large as the covariance says") {
   double sum = 0;
   constexpr int kSeeds = 12;
   for (unsigned seed = 1; seed <= kSeeds; ++seed) {
-    const PairAlignment<> r = align_views(look_at_wall(kCamera, patches, kMotion, seed, 3));
+    const PairAlignment<> r = align_views(look_at_wall(kHalfVga, patches, kMotion, seed, 3));
     REQUIRE(r.status == Status::Converged);
     CHECK(r.confidence > 0.8);
     const Twist e = se3_log(compose(inverse(kMotion), r.detail.T_world_camera));
@@ -143,7 +143,7 @@ TEST_CASE("a pattern that repeats has several answers, and the result says so, h
   for (const Brightness& pattern : {Brightness(checkerboard), Brightness(facade)}) {
     for (const double size : {0.1, 1.0}) {
       const Pose motion = se3_exp(size * se3_log(kMotion));
-      const PairAlignment<> r = align_views(look_at_wall(kCamera, pattern, motion, 1, 3));
+      const PairAlignment<> r = align_views(look_at_wall(kHalfVga, pattern, motion, 1, 3));
       REQUIRE(succeeded(r.status));
       CHECK(r.detail.ambiguous);
       CHECK(r.confidence < 0.5);
@@ -168,16 +168,16 @@ TEST_CASE("patterns are found in images that are higher than wide") {
 }
 
 TEST_CASE("who knows the pose is not told of others, and what tells one place of a pattern from another is seen") {
-  const Views v = look_at_wall(kCamera, checkerboard, kMotion, 1, 3);
+  const Views v = look_at_wall(kHalfVga, checkerboard, kMotion, 1, 3);
   FramePyramid reference, current;
-  reference.build({0.0, v.reference_intensity, v.reference_depth}, kCamera);
-  current.build({0.0, v.intensity, v.depth}, kCamera);
+  reference.build({0.0, v.reference_intensity, v.reference_depth}, kHalfVga);
+  current.build({0.0, v.intensity, v.depth}, kHalfVga);
   DirectAligner aligner;
   const AlignmentResult near = aligner.align_near({{&reference, Pose::Identity(), 1}}, current, kMotion);
   CHECK_FALSE(near.ambiguous);
   CHECK(direct_confidence(near).c_dir > 0.8);
   for (const Brightness& pattern : {Brightness(notice), Brightness(curtains), Brightness(patches)}) {
-    const PairAlignment<> r = align_views(look_at_wall(kCamera, pattern, kMotion, 1, 3));
+    const PairAlignment<> r = align_views(look_at_wall(kHalfVga, pattern, kMotion, 1, 3));
     CHECK_FALSE(r.detail.ambiguous);
     CHECK(r.confidence > 0.8);
     CHECK((translation(r.detail.T_world_camera) - translation(kMotion)).norm() < 0.01);
@@ -255,7 +255,7 @@ TEST_CASE("more noise of the image makes a pose less certain") {
   double sigma[2] = {0, 0};
   for (unsigned seed = 1; seed <= 3; ++seed) {
     for (const int noisy : {0, 1}) {
-      const PairAlignment<> r = align_views(look_at_wall(kCamera, patches, kMotion, seed, noisy != 0 ? 15 : 3));
+      const PairAlignment<> r = align_views(look_at_wall(kHalfVga, patches, kMotion, seed, noisy != 0 ? 15 : 3));
       REQUIRE(succeeded(r.status));
       sigma[noisy] += std::sqrt(r.detail.covariance.topLeftCorner(3, 3).trace());
     }

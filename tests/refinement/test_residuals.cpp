@@ -12,7 +12,7 @@
 using namespace apso;
 
 namespace {
-const Pinhole kCamera{100, 110, 31.5, 23.5, 64, 48};
+const Pinhole kTinyCamera{100, 110, 31.5, 23.5, 64, 48};
 
 // Intensity and depth linear in the pixel: bilinear reading and central differences of the grid are both exact.
 double intensity_at(const Eigen::Vector2d& u) { return .2 + .004 * u.x() + .003 * u.y(); }
@@ -20,10 +20,10 @@ double depth_at(const Eigen::Vector2d& u) { return 2 + .005 * u.x() - .004 * u.y
 
 room::Frame linear_frame() {
   room::Frame f;
-  f.intensity.resize(kCamera.width, kCamera.height);
-  f.depth.resize(kCamera.width, kCamera.height);
-  for (int y = 0; y < kCamera.height; ++y) {
-    for (int x = 0; x < kCamera.width; ++x) {
+  f.intensity.resize(kTinyCamera.width, kTinyCamera.height);
+  f.depth.resize(kTinyCamera.width, kTinyCamera.height);
+  for (int y = 0; y < kTinyCamera.height; ++y) {
+    for (int x = 0; x < kTinyCamera.width; ++x) {
       f.intensity(x, y) = static_cast<float>(intensity_at({x, y}));
       f.depth(x, y) = static_cast<float>(depth_at({x, y}));
     }
@@ -82,7 +82,7 @@ TEST_CASE("the noise models weigh by their formulas") {
 
 TEST_CASE("derivatives of both residuals equal central differences") {
   FramePyramid p;
-  p.build(linear_frame().view(), kCamera, {}, one_level());
+  p.build(linear_frame().view(), kTinyCamera, {}, one_level());
   for (const bool esm : {false, true}) {
     WarpOptions options;
     options.esm = esm;
@@ -96,7 +96,7 @@ TEST_CASE("derivatives of both residuals equal central differences") {
       Twist ji, jd, ni, nd, gi, gd;
       ji << a, X.cross(a);
       jd << d, X.cross(d);
-      const Eigen::Matrix<double, 2, 3> Jp = kCamera.project_jacobian(X);  // the same formula in double
+      const Eigen::Matrix<double, 2, 3> Jp = kTinyCamera.project_jacobian(X);  // the same formula in double
       const Eigen::Vector3d ea = Jp.transpose() * Eigen::Vector2d(.004, .003);
       const Eigen::Vector3d ed = Jp.transpose() * Eigen::Vector2d(.005, -.004) - Eigen::Vector3d::UnitZ();
       gi << ea, X.cross(ea);
@@ -106,8 +106,8 @@ TEST_CASE("derivatives of both residuals equal central differences") {
         e(k) = 1e-5;
         const Eigen::Vector3d plus = se3_exp(e) * X;
         const Eigen::Vector3d minus = se3_exp(-e) * X;
-        ni(k) = (intensity_at(kCamera.project(plus)) - intensity_at(kCamera.project(minus))) / 2e-5;
-        nd(k) = (depth_at(kCamera.project(plus)) - plus.z() - depth_at(kCamera.project(minus)) + minus.z()) / 2e-5;
+        ni(k) = (intensity_at(kTinyCamera.project(plus)) - intensity_at(kTinyCamera.project(minus))) / 2e-5;
+        nd(k) = (depth_at(kTinyCamera.project(plus)) - plus.z() - depth_at(kTinyCamera.project(minus)) + minus.z()) / 2e-5;
       }
       CHECK((gi - ni).norm() < 1e-6 * ni.norm());  // the formula
       CHECK((gd - nd).norm() < 1e-6 * nd.norm());
@@ -121,7 +121,7 @@ TEST_CASE("derivatives of both residuals equal central differences") {
 TEST_CASE("samples for the scales are of all of the image: where there is room for all pixels, these are all") {
   const room::Frame f = linear_frame();
   FramePyramid pyramid;
-  pyramid.build(f.view(), kCamera, {}, one_level());
+  pyramid.build(f.view(), kTinyCamera, {}, one_level());
   const PixelList& list = pyramid.level(0).pixels;
   const Warper warp(pyramid.level(0), room::pose(.02, -.01, .03, 1, -2, 3), {}, {}, 1.0F, 1.0F);
   const NoiseModel noise;
@@ -132,7 +132,7 @@ TEST_CASE("samples for the scales are of all of the image: where there is room f
   });
   CHECK(both[0] > 1000);
   ResidualSamples samples;
-  samples.take(list, warp, NoiseRef(noise), 2 * kCamera.width * kCamera.height, false, SerialExecutor{});
+  samples.take(list, warp, NoiseRef(noise), 2 * kTinyCamera.width * kTinyCamera.height, false, SerialExecutor{});
   CHECK(samples.intensity.residuals.size() == both[0]);
   CHECK(samples.depth.residuals.size() == both[1]);
 }
@@ -141,11 +141,11 @@ TEST_CASE("with esm, the mean of the gradients of both images is used, turned in
   // the current image has another gradient than the reference, and the camera has turned by a quarter
   room::Frame f = linear_frame();
   FramePyramid reference, current;
-  reference.build(f.view(), kCamera, {}, one_level());
-  for (int y = 0; y < kCamera.height; ++y) {
-    for (int x = 0; x < kCamera.width; ++x) f.intensity(x, y) = .5F + .006F * static_cast<float>(x) - .002F * static_cast<float>(y);
+  reference.build(f.view(), kTinyCamera, {}, one_level());
+  for (int y = 0; y < kTinyCamera.height; ++y) {
+    for (int x = 0; x < kTinyCamera.width; ++x) f.intensity(x, y) = .5F + .006F * static_cast<float>(x) - .002F * static_cast<float>(y);
   }
-  current.build(f.view(), kCamera, {}, one_level());
+  current.build(f.view(), kTinyCamera, {}, one_level());
   const Pose T = room::pose(.02, -.01, .03, 1, -2, 30);
   WarpOptions options;
   options.gate = 0;
@@ -156,8 +156,8 @@ TEST_CASE("with esm, the mean of the gradients of both images is used, turned in
     if (o.valid[i] == 0 || checked++ % 37 != 0) return;
     const Eigen::Vector3d X(lane(o.X[0], i), lane(o.X[1], i), lane(o.X[2], i));
     const Eigen::Vector3d Y = T * X;
-    const Eigen::Vector3d mean = .5 * (kCamera.project_jacobian(X).transpose() * Eigen::Vector2d(.004, .003) +
-                                       T.linear().transpose() * kCamera.project_jacobian(Y).transpose() * Eigen::Vector2d(.006, -.002));
+    const Eigen::Vector3d mean = .5 * (kTinyCamera.project_jacobian(X).transpose() * Eigen::Vector2d(.004, .003) +
+                                       T.linear().transpose() * kTinyCamera.project_jacobian(Y).transpose() * Eigen::Vector2d(.006, -.002));
     const Eigen::Vector3d a(lane(o.I[0], i), lane(o.I[1], i), lane(o.I[2], i));
     CHECK((a - mean).norm() < 1e-3 * mean.norm());
   });
@@ -254,9 +254,9 @@ TEST_CASE("the fused pass sums what a plain loop in double sums, for every kerne
 TEST_CASE("the right side of the equations is the slope of the cost, wherever alpha stands and with the kernel of a pair") {
   FramePyramid reference, current;
   room::Frame f = linear_frame();
-  reference.build(f.view(), kCamera, {}, one_level());
+  reference.build(f.view(), kTinyCamera, {}, one_level());
   for (std::size_t i = 0; i < f.intensity.size(); ++i) f.intensity.data()[i] += .02F;  // residuals of their own size
-  current.build(f.view(), kCamera, {}, one_level());
+  current.build(f.view(), kTinyCamera, {}, one_level());
   const PixelList& list = reference.level(0).pixels;
   const Pose T0 = room::pose(.001, -.0004, .002, .02, -.03, .01);  // the derivatives are those of aligned images
   const ConstantNoise noise;

@@ -20,14 +20,14 @@ using namespace apso;
 namespace {
 
 // A camera in a hand that shakes twice a second: up to 0.4 m/s and 60 degrees per second.
-Pose at(double t) {
+Pose pose_at(double t) {
   const double w = 4 * kPi;
   return room::pose(0.03 * std::sin(w * t), 0.02 * std::sin(w * t + 1), 0.3 + 0.02 * std::cos(w * t), 3.5 * std::sin(w * t + 2),
                     4.5 * std::cos(w * t), 2 * std::sin(w * t));
 }
 Twist velocity_at(double t) {
   const double h = 1e-4;
-  return Twist(se3_log(compose(inverse(at(t - h)), at(t + h))) / (2 * h));
+  return Twist(se3_log(compose(inverse(pose_at(t - h)), pose_at(t + h))) / (2 * h));
 }
 
 struct Read {
@@ -36,9 +36,9 @@ struct Read {
 };
 Read read(const Pinhole& camera, double t, double readout, double delay, unsigned noise = 0) {
   const auto row = [&](double start) {
-    return [&camera, readout, start](int y) { return at(start + readout * ((y + 0.5) / camera.height - 0.5)); };
+    return [&camera, readout, start](int y) { return pose_at(start + readout * ((y + 0.5) / camera.height - 0.5)); };
   };
-  Read r{room::render_rows(camera, row(t), {}, noise), room::render(camera, at(t))};
+  Read r{room::render_rows(camera, row(t), {}, noise), room::render(camera, pose_at(t))};
   r.seen.depth = room::render_rows(camera, row(t + delay), {}, noise).depth;
   return r;
 }
@@ -86,7 +86,7 @@ TEST_CASE("a frame that was read row by row becomes what a global shutter would 
 
 TEST_CASE("a camera that rests, and one that reads all rows at once, leave the images as they are") {
   const Pinhole camera = room::camera();
-  const room::Frame f = room::render(camera, at(0));
+  const room::Frame f = room::render(camera, pose_at(0));
   const auto same = [&](RollingShutter shutter, const Twist& velocity) {
     shutter.follow(f.view(), velocity);
     Image<float> grey;
@@ -103,7 +103,7 @@ TEST_CASE("a camera that rests, and one that reads all rows at once, leave the i
 
 TEST_CASE("depth that was not measured stays so, and velocities of any size lead to no pixel outside of the image") {
   const Pinhole camera = room::camera();
-  room::Frame f = room::render(camera, at(0));
+  room::Frame f = room::render(camera, pose_at(0));
   const float none[] = {0, -1, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()};
   for (int y = 100; y < 140; ++y) {
     for (int x = 100; x < 140; ++x) f.depth(x, y) = none[(x + y) % 4];
@@ -127,7 +127,7 @@ TEST_CASE("depth that was not measured stays so, and velocities of any size lead
 
 TEST_CASE("a narrower image is mended as the left part of a wider one, whatever its width") {
   const Pinhole camera = room::camera();
-  const room::Frame f = room::render(camera, at(0.1));
+  const room::Frame f = room::render(camera, pose_at(0.1));
   RollingShutter shutter(camera, 0.03);
   shutter.follow(f.view(), velocity_at(0.1), 0.005);
   for (const int width : {1, 3, 47, 64, 301}) {
@@ -160,7 +160,7 @@ TEST_CASE("the velocity at a frame comes from the frames beside it, better than 
   std::optional<Twist> late;
   for (int i = 0; i < 16; ++i) {
     const double t = i * step;
-    const room::Frame f = room::render(camera, at(t), {}, 7 + static_cast<unsigned>(i));
+    const room::Frame f = room::render(camera, pose_at(t), {}, 7 + static_cast<unsigned>(i));
     velocity.push(f.view(t));
     if (i < 2) continue;
     const Twist truth = velocity_at(t - step);
@@ -177,7 +177,7 @@ TEST_CASE("the velocity at a frame comes from the frames beside it, better than 
 
 TEST_CASE("frames without a neighbour, far apart or without texture tell no velocity") {
   const Pinhole camera = room::camera(160);
-  const room::Frame f = room::render(camera, at(0));
+  const room::Frame f = room::render(camera, pose_at(0));
   CameraVelocity velocity(camera);
   CHECK_FALSE(velocity.of_frame_before());
   velocity.push(f.view(0));
@@ -196,7 +196,7 @@ TEST_CASE("frames without a neighbour, far apart or without texture tell no velo
   velocity.push(f.view(1.1));
   REQUIRE(velocity.of_frame_before());  // from the frame after alone
   CHECK(norm(*velocity.of_frame_before()) < 1e-3);
-  const room::Frame moved = room::render(camera, at(1.0 / 30));
+  const room::Frame moved = room::render(camera, pose_at(1.0 / 30));
   velocity.push(moved.view(1.1 + 1e-6));  // centimetres within a microsecond
   CHECK_FALSE(velocity.of_latest_frame());
   velocity.reset();
@@ -226,7 +226,7 @@ TEST_CASE("alignment of frames that a rolling shutter has read is more exact onc
   double now = 0;
   for (std::size_t k = 1; k < mended.size(); ++k) {
     const double t = static_cast<double>(k + 1) * step;
-    const Pose T_before_after = compose(inverse(at(t - step)), at(t));
+    const Pose T_before_after = compose(inverse(pose_at(t - step)), pose_at(t));
     const auto error = [&](const RgbdFrame& a, const RgbdFrame& b) {
       const auto found = align(frame(0.0, a.intensity, a.depth, camera), frame(0.0, b.intensity, b.depth, camera));
       REQUIRE(succeeded(found.status));

@@ -15,16 +15,15 @@
 using namespace apso;
 
 namespace {
-const Pinhole kCamera = room::camera(160);
 
 void build(const room::Frame& f, FramePyramid& out) {
   PyramidOptions o;
   o.finest = 0;
-  out.build(f.view(), kCamera, f.probability.view(), o, PyramidRole::Both);
+  out.build(f.view(), room::kSmallCamera, f.probability.view(), o, PyramidRole::Both);
 }
 // Nothing is known of columns from .. to.
 void mask(room::Frame& f, int from, int to) {
-  for (int y = 0; y < kCamera.height; ++y) {
+  for (int y = 0; y < room::kSmallCamera.height; ++y) {
     for (int x = from; x < to; ++x) f.probability(x, y) = 1.0F;
   }
 }
@@ -55,8 +54,8 @@ TEST_CASE("a turn of 12 degrees is seen from the directions of walls, however fa
   for (unsigned seed = 1; seed <= 8; ++seed) {
     CAPTURE(seed);
     const Pose T = motion(seed, .5, 12);
-    const std::vector<Eigen::Matrix3d> found =
-        search(room::render(kCamera, T_corner, {}, 2 * seed), room::render(kCamera, compose(T_corner, T), {}, 2 * seed + 1));
+    const std::vector<Eigen::Matrix3d> found = search(room::render(room::kSmallCamera, T_corner, {}, 2 * seed),
+                                                      room::render(room::kSmallCamera, compose(T_corner, T), {}, 2 * seed + 1));
     REQUIRE(!found.empty());
     CHECK(angle(found.front(), rotation(inverse(T))) < kDegree);
   }
@@ -66,8 +65,8 @@ TEST_CASE("walls tell the turn even if both frames share no pixel") {
   for (unsigned seed = 1; seed <= 8; ++seed) {
     CAPTURE(seed);
     const Pose T = motion(seed, .1, 8);
-    room::Frame r = room::render(kCamera, Pose::Identity(), {}, 2 * seed);
-    room::Frame c = room::render(kCamera, T, {}, 2 * seed + 1);
+    room::Frame r = room::render(room::kSmallCamera, Pose::Identity(), {}, 2 * seed);
+    room::Frame c = room::render(room::kSmallCamera, T, {}, 2 * seed + 1);
     mask(r, 60, 160);  // eight degrees are 19 pixels
     mask(c, 0, 85);
     const std::vector<Eigen::Matrix3d> found = search(r, c);
@@ -79,8 +78,8 @@ TEST_CASE("walls tell the turn even if both frames share no pixel") {
 
 TEST_CASE("a large turn is seen from near the guess, and not from elsewhere") {
   const Pose T = room::pose(.1, 0, .1, 3, 30, 2);
-  const room::Frame r = room::render(kCamera, Pose::Identity(), {}, 1);
-  const room::Frame c = room::render(kCamera, T, {}, 2);
+  const room::Frame r = room::render(room::kSmallCamera, Pose::Identity(), {}, 1);
+  const room::Frame c = room::render(room::kSmallCamera, T, {}, 2);
   const Eigen::Matrix3d truth = rotation(inverse(T));
   const Eigen::Matrix3d guess = rotation(room::pose(0, 0, 0, 0, -22, 0));
   const std::vector<Eigen::Matrix3d> near = search(r, c, guess);
@@ -92,14 +91,14 @@ TEST_CASE("a large turn is seen from near the guess, and not from elsewhere") {
 }
 
 TEST_CASE("guesses about a bare wall agree on the wall and differ in the turn about its normal") {
-  room::Frame wall = room::render(kCamera, Pose::Identity());
+  room::Frame wall = room::render(room::kSmallCamera, Pose::Identity());
   room::Frame turned = wall;
   const Eigen::Matrix3d R = rotation(room::pose(0, 0, 0, 3, -6, 0));
   const Eigen::Vector3d n = R * Eigen::Vector3d(0, 0, -1);
-  for (int y = 0; y < kCamera.height; ++y) {
-    for (int x = 0; x < kCamera.width; ++x) {
+  for (int y = 0; y < room::kSmallCamera.height; ++y) {
+    for (int x = 0; x < room::kSmallCamera.width; ++x) {
       wall.depth(x, y) = 2;
-      turned.depth(x, y) = static_cast<float>(2 * n.z() / n.dot(kCamera.unproject(x, y, 1.0)));
+      turned.depth(x, y) = static_cast<float>(2 * n.z() / n.dot(room::kSmallCamera.unproject(x, y, 1.0)));
     }
   }
   const std::vector<Eigen::Matrix3d> found = search(wall, turned);
@@ -114,10 +113,10 @@ TEST_CASE("a wall seen at a grazing angle tells its direction as well") {
   const Eigen::Vector3d before = rotation(room::pose(0, 0, 0, 0, -70, 0)) * Eigen::Vector3d(0, 0, -1);
   const Eigen::Vector3d after = rotation(room::pose(0, 0, 0, 3, 2, 0)) * before;
   const auto wall = [](const Eigen::Vector3d& n) {
-    room::Frame f = room::render(kCamera, Pose::Identity());
-    for (int y = 0; y < kCamera.height; ++y) {
-      for (int x = 0; x < kCamera.width; ++x) {
-        const double z = -0.7 / n.dot(kCamera.unproject(x, y, 1.0));
+    room::Frame f = room::render(room::kSmallCamera, Pose::Identity());
+    for (int y = 0; y < room::kSmallCamera.height; ++y) {
+      for (int x = 0; x < room::kSmallCamera.width; ++x) {
+        const double z = -0.7 / n.dot(room::kSmallCamera.unproject(x, y, 1.0));
         f.depth(x, y) = x > 70 && z > 0 && z < 5 ? static_cast<float>(z) : 0.0F;  // where it is more than 2 % deeper with each pixel
       }
     }
@@ -129,7 +128,7 @@ TEST_CASE("a wall seen at a grazing angle tells its direction as well") {
 }
 
 TEST_CASE("without depth no turn is guessed") {
-  const room::Frame good = room::render(kCamera, Pose::Identity());
+  const room::Frame good = room::render(room::kSmallCamera, Pose::Identity());
   room::Frame blind = good;
   blind.depth.assign(160, 120, 0.0F);
   CHECK(search(blind, good).empty());
@@ -139,8 +138,8 @@ TEST_CASE("without depth no turn is guessed") {
 TEST_CASE("one right match of corners is enough where the turn is known") {
   const Pose T = motion(3, .2, 10);
   FramePyramid r, c;
-  build(room::render(kCamera, Pose::Identity(), {}, 1), r);
-  build(room::render(kCamera, T, {}, 2), c);
+  build(room::render(room::kSmallCamera, Pose::Identity(), {}, 1), r);
+  build(room::render(room::kSmallCamera, T, {}, 2), c);
   CornerSearch corners;
   std::vector<Pose> motions;
   corners(r, c, 0, motions);
@@ -166,8 +165,8 @@ TEST_CASE("starts: what was found first, the rest by support, and one of them ne
   for (unsigned seed = 1; seed <= kPairs; ++seed) {
     CAPTURE(seed);
     const Pose T = motion(seed, .2, 10);
-    room::Frame r = room::render(kCamera, Pose::Identity(), {}, 2 * seed);
-    room::Frame c = room::render(kCamera, T, {}, 2 * seed + 1);
+    room::Frame r = room::render(room::kSmallCamera, Pose::Identity(), {}, 2 * seed);
+    room::Frame c = room::render(room::kSmallCamera, T, {}, 2 * seed + 1);
     mask(r, 80, 160);
     mask(c, 0, 70);
     FramePyramid reference, current;

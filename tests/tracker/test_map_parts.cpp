@@ -25,7 +25,7 @@ testing::SyntheticOptions small_room() {
   return o;
 }
 
-double position_error(const Pose& a, const Pose& b) { return (a.translation() - b.translation()).norm(); }
+double apart(const Pose& a, const Pose& b) { return (a.translation() - b.translation()).norm(); }
 
 /// A camera that sees a place, then for a while nothing it knows, then the new and the old place at once.
 template <class PoseT = Pose>
@@ -92,11 +92,11 @@ TEST_CASE("a camera that is lost for a second begins a new part of the map, and 
       CHECK(change.before == 1);
       CHECK(change.part == 0);
       CHECK(trajectory.of(1).empty());
-      CHECK(position_error(camera.tracker().predicted(), camera.truth(i)) < 0.01);
+      CHECK(apart(camera.tracker().predicted(), camera.truth(i)) < 0.01);
       joined_at = i;
     }
     CHECK(camera.pose().ok == (i < Wanderer::kElsewhere || (left_at > 0 && i > left_at)));
-    if (joined_at > 0 && i > joined_at) CHECK(position_error(camera.pose().T_world_camera, camera.truth(i)) < 0.01);
+    if (joined_at > 0 && i > joined_at) CHECK(apart(camera.pose().T_world_camera, camera.truth(i)) < 0.01);
   }
   // a second after the last frame that had a place; and two frames must say where the places lie to each other
   CHECK(left_at == Wanderer::kElsewhere - 1 + 30);
@@ -108,7 +108,7 @@ TEST_CASE("a camera that is lost for a second begins a new part of the map, and 
   REQUIRE(poses.size() == static_cast<std::size_t>(100 - (left_at + 1 - Wanderer::kElsewhere)));
   for (std::size_t k = 0; k < poses.size(); ++k) {
     const int i = static_cast<int>(std::lround(poses[k].timestamp * 30));
-    CHECK(position_error(poses[k].T_world_body, camera.truth(i)) < 0.015);
+    CHECK(apart(poses[k].T_world_body, camera.truth(i)) < 0.015);
   }
 }
 
@@ -168,12 +168,12 @@ TEST_CASE("a camera that is lost again finds its way back to an earlier part") {
       CHECK(change.event == PartEvent::Left);
       CHECK(change.before == 1);
       CHECK(change.part == 0);
-      CHECK(position_error(camera.tracker().predicted(), camera.truth(i)) < 0.01);
+      CHECK(apart(camera.tracker().predicted(), camera.truth(i)) < 0.01);
     }
     if (i > kBack) {
       REQUIRE(camera.pose().ok);
       CHECK(change.event == PartEvent::None);
-      CHECK(position_error(camera.pose().T_world_camera, camera.truth(i)) < 0.01);
+      CHECK(apart(camera.pose().T_world_camera, camera.truth(i)) < 0.01);
     }
   }
 }

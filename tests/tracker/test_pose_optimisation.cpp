@@ -12,7 +12,7 @@
 using namespace apso;
 
 namespace {
-const Pinhole kCamera{525, 520, 319.5, 239.5, 640, 480};
+const Pinhole kUnequalCamera{525, 520, 319.5, 239.5, 640, 480};
 
 Pose some_pose() {
   Twist xi;
@@ -33,7 +33,7 @@ std::vector<PointObservation> scene(const Pose& T_world_camera, int n, double no
     o.u = u(rng);
     o.v = v(rng);
     const double depth_i = z(rng);
-    o.point = T_world_camera * kCamera.unproject(o.u, o.v, depth_i);
+    o.point = T_world_camera * kUnequalCamera.unproject(o.u, o.v, depth_i);
     o.u += noise * g(rng);
     o.v += noise * g(rng);
     o.inverse_depth_sigma = 0.005;
@@ -63,7 +63,7 @@ TEST_CASE("the residual's derivative agrees with differences") {
     const Eigen::Vector3d p(u(rng), u(rng), 2 + u(rng));
     Eigen::Vector3d r;
     Eigen::Matrix3d J;
-    REQUIRE(point_residual(kCamera, o, p, r, &J));
+    REQUIRE(point_residual(kUnequalCamera, o, p, r, &J));
     double J_twist[3][6];
     twist_jacobian(J, p, J_twist);
     Eigen::Matrix<double, 3, 6> analytic;
@@ -73,8 +73,8 @@ TEST_CASE("the residual's derivative agrees with differences") {
       step(k) = 1e-6;
       Eigen::Vector3d forward = Eigen::Vector3d::Zero();
       Eigen::Vector3d backward = Eigen::Vector3d::Zero();
-      point_residual(kCamera, o, se3_exp(step) * p, forward);
-      point_residual(kCamera, o, se3_exp(-step) * p, backward);
+      point_residual(kUnequalCamera, o, se3_exp(step) * p, forward);
+      point_residual(kUnequalCamera, o, se3_exp(-step) * p, backward);
       CHECK(((forward - backward) / 2e-6 - analytic.col(k)).norm() < 1e-4 * (1 + analytic.norm()));
     }
   }
@@ -83,15 +83,15 @@ TEST_CASE("the residual's derivative agrees with differences") {
 TEST_CASE("the information of a pose that was found elsewhere says how large its error is, and does not ask the outliers") {
   const Pose truth = some_pose();
   std::vector<PointObservation> all = scene(truth, 200, 0.8, 0.2, true);
-  const PoseOptimisation found = optimise_pose(kCamera, all, truth);
+  const PoseOptimisation found = optimise_pose(kUnequalCamera, all, truth);
   REQUIRE(succeeded(found.status));
-  const Matrix6 known = pose_information(kCamera, all, found.T_world_camera);
+  const Matrix6 known = pose_information(kUnequalCamera, all, found.T_world_camera);
   std::vector<PointObservation> inliers;
   for (const PointObservation& o : all) {
     if (o.inlier) inliers.push_back(o);
   }
   REQUIRE(inliers.size() < 170);
-  CHECK(pose_information(kCamera, inliers, found.T_world_camera) == known);
+  CHECK(pose_information(kUnequalCamera, inliers, found.T_world_camera) == known);
   // the kernel takes some of the weight that the last rounds give: the mean of (l / (l + s))^2 is 0.59 for s of a chi-square with three
   // degrees of freedom and l its 95 % point
   for (int i = 0; i < 6; ++i) {
@@ -102,16 +102,16 @@ TEST_CASE("the information of a pose that was found elsewhere says how large its
   CHECK(error.dot(known * error) < 16.8);  // 99 % of a chi-square with six degrees of freedom
 
   inliers.resize(kMinPoseInliers - 1);
-  CHECK(pose_information(kCamera, inliers, truth) == Matrix6::Zero());
+  CHECK(pose_information(kUnequalCamera, inliers, truth) == Matrix6::Zero());
   Pose broken = truth;
   broken.matrix()(0, 3) = std::nan("");
-  CHECK(pose_information(kCamera, all, broken) == Matrix6::Zero());
+  CHECK(pose_information(kUnequalCamera, all, broken) == Matrix6::Zero());
 }
 
 TEST_CASE("a point behind the camera has no residual") {
   Eigen::Vector3d r;
-  CHECK_FALSE(point_residual(kCamera, PointObservation{}, Eigen::Vector3d(0, 0, -1), r));
-  CHECK_FALSE(point_residual(kCamera, PointObservation{}, Eigen::Vector3d(0, 0, std::nan("")), r));
+  CHECK_FALSE(point_residual(kUnequalCamera, PointObservation{}, Eigen::Vector3d(0, 0, -1), r));
+  CHECK_FALSE(point_residual(kUnequalCamera, PointObservation{}, Eigen::Vector3d(0, 0, std::nan("")), r));
 }
 
 TEST_CASE("without noise the pose is exact, with and without depth") {
@@ -120,7 +120,7 @@ TEST_CASE("without noise the pose is exact, with and without depth") {
     std::vector<PointObservation> all = scene(truth, 200, 0, 0, depth);
     Twist off;
     off << 0.05, 0.03, -0.04, 0.02, 0.01, -0.03;
-    const PoseOptimisation found = optimise_pose(kCamera, all, truth * se3_exp(off));
+    const PoseOptimisation found = optimise_pose(kUnequalCamera, all, truth * se3_exp(off));
     CHECK(succeeded(found.status));
     CHECK(found.inliers == 200);
     CHECK(distance(found.T_world_camera, truth) < 1e-6);
@@ -132,7 +132,7 @@ TEST_CASE("40 % outliers do not move the pose, and are told apart") {
   std::vector<PointObservation> all = scene(truth, 300, 0.5, 0.4, true);
   Twist off;
   off << 0.02, -0.01, 0.02, 0.01, -0.01, 0.01;
-  const PoseOptimisation found = optimise_pose(kCamera, all, truth * se3_exp(off));
+  const PoseOptimisation found = optimise_pose(kUnequalCamera, all, truth * se3_exp(off));
   CHECK(succeeded(found.status));
   CHECK(distance(found.T_world_camera, truth) < 0.005);
   int wrong = 0;
@@ -151,7 +151,7 @@ TEST_CASE("a walking body in front of a distant wall does not drag the pose alon
   const auto add = [&](const Eigen::Vector3d& before, const Eigen::Vector3d& now) {
     PointObservation o;
     o.point = before;
-    const Eigen::Vector2d uv = kCamera.project(now);
+    const Eigen::Vector2d uv = kUnequalCamera.project(now);
     o.u = uv.x() + 0.4 * g(rng);
     o.v = uv.y() + 0.4 * g(rng);
     o.inverse_depth = 1 / now.z() + 0.003 * g(rng);
@@ -166,7 +166,7 @@ TEST_CASE("a walking body in front of a distant wall does not drag the pose alon
     const Eigen::Vector3d body(0.6 + 0.2 * u(rng), 0.6 * u(rng), 2.0 + 0.1 * u(rng));
     add(body, body + Eigen::Vector3d(0.05, 0, 0));
   }
-  const PoseOptimisation found = optimise_pose(kCamera, all, Pose::Identity());
+  const PoseOptimisation found = optimise_pose(kUnequalCamera, all, Pose::Identity());
   CHECK(succeeded(found.status));
   CHECK(found.T_world_camera.translation().norm() < 0.004);
   int dragged = 0;
@@ -177,13 +177,13 @@ TEST_CASE("a walking body in front of a distant wall does not drag the pose alon
 TEST_CASE("RANSAC needs no guess, gives the same twice, and takes a good hypothesis as it is") {
   const Pose truth = some_pose();
   const std::vector<PointObservation> all = scene(truth, 300, 0.3, 0.5, true);
-  const RansacPose a = ransac_pose(kCamera, all, {});
-  const RansacPose b = ransac_pose(kCamera, all, {});
+  const RansacPose a = ransac_pose(kUnequalCamera, all, {});
+  const RansacPose b = ransac_pose(kUnequalCamera, all, {});
   REQUIRE(a.ok);
   CHECK(a.inliers > 120);
   CHECK(distance(a.T_world_camera, truth) < 0.05);
   CHECK(a.T_world_camera.matrix() == b.T_world_camera.matrix());
-  const RansacPose c = ransac_pose(kCamera, scene(truth, 100, 0, 0, true), {truth});
+  const RansacPose c = ransac_pose(kUnequalCamera, scene(truth, 100, 0, 0, true), {truth});
   CHECK(c.inliers == 100);
   CHECK(distance(c.T_world_camera, truth) < 1e-9);
 }
@@ -191,10 +191,10 @@ TEST_CASE("RANSAC needs no guess, gives the same twice, and takes a good hypothe
 TEST_CASE("too few observations are a status, the pose stays") {
   std::vector<PointObservation> all = scene(some_pose(), 5, 0, 0, true);
   const Pose guess = some_pose();
-  const PoseOptimisation found = optimise_pose(kCamera, all, guess);
+  const PoseOptimisation found = optimise_pose(kUnequalCamera, all, guess);
   CHECK(found.status == Status::TooFewMatches);
   CHECK(found.T_world_camera.matrix() == guess.matrix());
-  CHECK_FALSE(ransac_pose(kCamera, {}, {}).ok);
+  CHECK_FALSE(ransac_pose(kUnequalCamera, {}, {}).ok);
 }
 
 TEST_CASE("bundle adjustment brings disturbed poses and points back") {
@@ -221,8 +221,8 @@ TEST_CASE("bundle adjustment brings disturbed poses and points back") {
       const Eigen::Vector3d q = truth[static_cast<std::size_t>(k)] * p;
       AdjustmentProblem::View view;
       view.pose = k;
-      view.observation.u = kCamera.project(q).x();
-      view.observation.v = kCamera.project(q).y();
+      view.observation.u = kUnequalCamera.project(q).x();
+      view.observation.v = kUnequalCamera.project(q).y();
       view.observation.inverse_depth = 1 / q.z();
       view.observation.inverse_depth_sigma = 0.005;
       problem.views.push_back(view);
@@ -234,15 +234,15 @@ TEST_CASE("bundle adjustment brings disturbed poses and points back") {
   few.points.resize(20);
   few.views.resize(80);
   AdjustmentBuffers buffers;
-  const AdjustmentResult result = adjust_window(kCamera, problem, buffers, 20);
+  const AdjustmentResult result = adjust_window(kUnequalCamera, problem, buffers, 20);
   CHECK(succeeded(result.status));
   CHECK(result.cost_after < 1e-3 * result.cost_before);
   for (std::size_t k = 0; k < 4; ++k) CHECK(distance(problem.T_camera_world[k], truth[k]) < 1e-3);
 
   // a window that is busier than any before it takes no more memory
   AdjustmentBuffers warm;
-  CHECK(succeeded(adjust_window(kCamera, few, warm, 20).status));
-  CHECK(counting::count([&] { (void)adjust_window(kCamera, many, warm, 20); }).number == 0);
+  CHECK(succeeded(adjust_window(kUnequalCamera, few, warm, 20).status));
+  CHECK(counting::count([&] { (void)adjust_window(kUnequalCamera, many, warm, 20); }).number == 0);
   for (std::size_t k = 0; k < 4; ++k) CHECK((many.T_camera_world[k].matrix() - problem.T_camera_world[k].matrix()).norm() == 0);
 }
 
@@ -278,8 +278,8 @@ TEST_CASE("a keyframe that is forgotten takes its landmarks along and gives its 
   }
   const int a = map.add_keyframe(0, identity_pose(), features);
   const int b = map.add_keyframe(1, some_pose(), features);
-  const int only_a = map.add_landmark(kCamera, a, 0, 0);
-  const int both = map.add_landmark(kCamera, a, 1, 0);
+  const int only_a = map.add_landmark(kUnequalCamera, a, 0, 0);
+  const int both = map.add_landmark(kUnequalCamera, a, 1, 0);
   map.add_view(both, b, 1);
   REQUIRE(map.living_landmarks() == 2);
   map.forget_keyframe(a);
@@ -320,7 +320,7 @@ TEST_CASE("an adjustment that takes the newest keyframe elsewhere is refused, an
     std::uniform_real_distribution<double> u(100, 540), v(100, 380), z(1.5, 3);
     for (int i = 0; i < 60; ++i) {
       const double depth = z(random);
-      const auto left = static_cast<float>(u(random) - kCamera.fx * x / depth);
+      const auto left = static_cast<float>(u(random) - kUnequalCamera.fx * x / depth);
       features.keypoints.push_back({left, static_cast<float>(v(random)), 1, 0, 0});
       features.descriptors.push_back(Descriptor{});
       features.inverse_depth.push_back(static_cast<float>(1 / depth));
@@ -331,10 +331,10 @@ TEST_CASE("an adjustment that takes the newest keyframe elsewhere is refused, an
   const auto x_after_adjustment = [&](double by_matches, double trusted, LocalMap& map) {
     const int a = map.add_keyframe(0, identity_pose(), seen_from(0));
     const int b = map.add_keyframe(1, make_pose(Eigen::Matrix3d::Identity(), {trusted, 0, 0}), seen_from(by_matches));
-    for (int i = 0; i < 60; ++i) map.add_view(map.add_landmark(kCamera, a, i, 0), b, i);
+    for (int i = 0; i < 60; ++i) map.add_view(map.add_landmark(kUnequalCamera, a, i, 0), b, i);
     PassMarks marks;
     AdjustmentBuffers buffers;
-    adjust_last_keyframes(kCamera, Octaves{}, 5, map, marks, buffers);
+    adjust_last_keyframes(kUnequalCamera, Octaves{}, 5, map, marks, buffers);
     return translation(map.keyframe(b).T_world_camera).x();
   };
   LocalMap agrees;

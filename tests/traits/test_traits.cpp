@@ -26,14 +26,14 @@ static_assert(PoseType<Pose> && CameraType<Pinhole> && KeypointType<Keypoint> &&
 #endif
 
 namespace {
-int value(int x, int y) { return 100 * y + x; }
+int pixel_value(int x, int y) { return 100 * y + x; }
 
 user::ColumnMajorImage column_major(int width, int height) {
   user::ColumnMajorImage m;
   m.rows = height;
   m.cols = width;
   for (int x = 0; x < width; ++x) {
-    for (int y = 0; y < height; ++y) m.values.push_back(static_cast<std::uint16_t>(value(x, y)));
+    for (int y = 0; y < height; ++y) m.values.push_back(static_cast<std::uint16_t>(pixel_value(x, y)));
   }
   return m;
 }
@@ -44,16 +44,16 @@ user::PaddedImage padded(int width, int height) {
   m.pitch = width + 3;
   m.values.assign(static_cast<std::size_t>(m.pitch * height), -1.0F);
   for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) m.values[static_cast<std::size_t>(y * m.pitch + x)] = static_cast<float>(value(x, y));
+    for (int x = 0; x < width; ++x) m.values[static_cast<std::size_t>(y * m.pitch + x)] = static_cast<float>(pixel_value(x, y));
   }
   return m;
 }
 }  // namespace
 
 TEST_CASE("user images conform, and a swap of x and y is found") {
-  CHECK(testing::check_image_type(column_major(5, 3), value).text() == "");
-  CHECK(testing::check_image_type(padded(5, 3), value).text() == "");
-  CHECK_FALSE(testing::check_image_type(column_major(5, 3), [](int x, int y) { return value(y, x); }).passed());
+  CHECK(testing::check_image_type(column_major(5, 3), pixel_value).text() == "");
+  CHECK(testing::check_image_type(padded(5, 3), pixel_value).text() == "");
+  CHECK_FALSE(testing::check_image_type(column_major(5, 3), [](int x, int y) { return pixel_value(y, x); }).passed());
   CHECK_FALSE(testing::check_image_type(user::PaddedImage{}).passed());
 }
 
@@ -67,7 +67,7 @@ TEST_CASE("copy_to_float reads the same numbers by row and by at") {
   REQUIRE(b.size() == a.size());
   for (int y = 0; y < 4; ++y) {
     for (int x = 0; x < 7; ++x) {
-      CHECK(a(x, y) == 0.5F * static_cast<float>(value(x, y)));
+      CHECK(a(x, y) == 0.5F * static_cast<float>(pixel_value(x, y)));
       CHECK(b(x, y) == a(x, y));
     }
   }

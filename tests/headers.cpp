@@ -1,1 +1,0 @@
-// Empty: the target only carries the precompiled headers of the tests.
