@@ -6,6 +6,7 @@ python=$1 source=$2 scratch=$3 reference=$4 synth=${5:-}
 mkdir -p "$scratch/data"
 rm -rf "$scratch/package"
 export APSO_PYTHON_BUILD=$scratch/build PIP_DISABLE_PIP_VERSION_CHECK=1 PYTHONDONTWRITEBYTECODE=1
+export CMAKE_ARGS=-DCMAKE_CXX_FLAGS_RELEASE=-O1  # as all that only tests use
 "$python" -m pip install --quiet --no-build-isolation --no-index --no-deps --target "$scratch/package" "$source"
 for file in py.typed __init__.pyi; do
   [ -f "$scratch/package/apso/$file" ] || { echo "$file is not installed"; exit 1; }
