@@ -7,6 +7,8 @@
 
 #include <apso/evaluation/ate.hpp>
 
+#include "moved.hpp"
+
 namespace {
 using Eigen::Vector3d;
 
@@ -18,10 +20,6 @@ apso::Trajectory from_points(const std::vector<Vector3d>& points) {
     p.T_world_body.translation() = points[i];
     t.push_back(p);
   }
-  return t;
-}
-apso::Trajectory moved(const apso::Pose& T, apso::Trajectory t) {
-  for (auto& p : t) p.T_world_body = T * p.T_world_body;
   return t;
 }
 apso::Pose motion(const Vector3d& v, const Vector3d& w) {

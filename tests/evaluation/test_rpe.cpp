@@ -7,6 +7,8 @@
 
 #include <apso/evaluation/rpe.hpp>
 
+#include "moved.hpp"
+
 namespace {
 using Eigen::Vector3d;
 
@@ -20,10 +22,6 @@ apso::Trajectory steady(int n, const Vector3d& velocity, const Vector3d& turn) {
     xi.tail<3>() = turn * s;
     t.push_back({1000.0 + s, apso::se3_exp(xi)});
   }
-  return t;
-}
-apso::Trajectory all_moved(const apso::Pose& T, apso::Trajectory t) {
-  for (auto& p : t) p.T_world_body = T * p.T_world_body;
   return t;
 }
 apso::RpeOptions frames(double n) {
@@ -113,7 +111,7 @@ TEST_CASE("a perfect estimate in another world has no error") {
   for (const auto form : {apso::RpeForm::TumScript, apso::RpeForm::Paper}) {
     apso::RpeOptions options;
     options.form = form;
-    const apso::RpeResult r = apso::rpe(truth, all_moved(apso::se3_exp(xi), truth), options);
+    const apso::RpeResult r = apso::rpe(truth, moved(apso::se3_exp(xi), truth), options);
     CHECK(r.translation.max < 1e-12);
     CHECK(r.rotation_deg.max < 1e-9);
   }
@@ -125,8 +123,8 @@ TEST_CASE("errors do not depend on either world frame") {
   apso::Twist xi;
   xi << -1, 2, 30, 0.2, 3, 0.1;
   const apso::RpeResult a = apso::rpe(truth, estimate);
-  const apso::RpeResult b = apso::rpe(all_moved(apso::se3_exp(xi), truth), estimate);
-  const apso::RpeResult c = apso::rpe(truth, all_moved(apso::se3_exp(xi), estimate));
+  const apso::RpeResult b = apso::rpe(moved(apso::se3_exp(xi), truth), estimate);
+  const apso::RpeResult c = apso::rpe(truth, moved(apso::se3_exp(xi), estimate));
   CHECK(b.translation.rmse == doctest::Approx(a.translation.rmse).epsilon(1e-9));
   CHECK(c.translation.rmse == doctest::Approx(a.translation.rmse).epsilon(1e-9));
   CHECK(c.rotation_deg.rmse == doctest::Approx(a.rotation_deg.rmse).epsilon(1e-9));

@@ -2,6 +2,7 @@
 
 #include <random>
 
+#include <apso/tracker/map/keyframes.hpp>
 #include <apso/tracker/map/local_map.hpp>
 #include <apso/tracker/solvers/pose_optimisation.hpp>
 #include <apso/tracker/solvers/ransac_pose.hpp>
