@@ -3,7 +3,7 @@ if(NOT APSO_INNER)
   add_test(NAME docs_snippets COMMAND ${PROJECT_SOURCE_DIR}/scripts/snippets.sh --check)
   find_program(APSO_CLANGXX clang++)
   get_target_property(_eigen Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
-  # With a compiler and a standard that the programs are not built with anyway.
+  # With a compiler and a standard that the programs are not built with: these see their warnings as errors in the build.
   set(_compiler ${APSO_CLANGXX})
   if(NOT _compiler)
     set(_compiler ${CMAKE_CXX_COMPILER})

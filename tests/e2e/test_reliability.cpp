@@ -27,11 +27,10 @@
 #include <apso/math/se3.hpp>
 #include <apso/testing/synthetic.hpp>
 
+#include "../contains.hpp"
 #include "../run_program.hpp"
 
 namespace {
-
-bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 std::string bytes_of(const fs::path& file) {
   std::stringstream text;
@@ -254,7 +253,7 @@ TEST_CASE("an output folder that is, contains or lies in an input is refused, an
     const Outcome o = r.track(in, masks + " --write-masks --output " + output);
     CAPTURE(o.text);
     CHECK(o.code == 1);
-    CHECK(has(o.text, "only read"));
+    CHECK(contains(o.text, "only read"));
   }
   CHECK(content(r.path / "rec") == before);
   CHECK_FALSE(fs::exists(r.path / "masks" / "all" / "new"));
@@ -274,7 +273,7 @@ TEST_CASE("files in an output folder that no run wrote are neither replaced nor 
   Outcome o = r.track("");
   CAPTURE(o.text);
   CHECK(o.code == 1);
-  CHECK(has(o.text, "groundtruth.txt is there, and no run has it in its list apso_files.txt"));
+  CHECK(contains(o.text, "groundtruth.txt is there, and no run has it in its list apso_files.txt"));
   CHECK(content(r.out).size() == 1);
   CHECK(bytes_of(r.out / "groundtruth.txt") == "mine");
 
@@ -332,7 +331,7 @@ TEST_CASE("two runs do not write into one folder at a time") {
   REQUIRE(endless.wait_for(out / "unfinished" / "frames.csv", 1));
   const Outcome second = run(std::string(APSO_TRACK) + " synthetic:walking_xyz --max-frames 1 --quiet --output " + out.string(), f.path);
   CHECK(second.code == 1);
-  CHECK(has(second.text, "another run is writing into it"));
+  CHECK(contains(second.text, "another run is writing into it"));
 }
 
 TEST_CASE("a signal to stop keeps what was computed") {
@@ -365,8 +364,8 @@ TEST_CASE("output that cannot be written is told, and the exit code is not zero"
                              r.path);
     CAPTURE(full.text);
     CHECK(full.code == 1);
-    CHECK(has(full.text, "File too large"));
-    CHECK(has(full.text, "unfinished"));
+    CHECK(contains(full.text, "File too large"));
+    CHECK(contains(full.text, "unfinished"));
     auto kept = content(r.out);
     for (auto it = kept.begin(); it != kept.end();) it = it->first.rfind("unfinished", 0) == 0 ? kept.erase(it) : std::next(it);
     CHECK(kept == before);  // the results before
@@ -400,9 +399,9 @@ TEST_CASE("bytes that are not UTF-8 in names do not cost the summary") {
   INFO(o.text);
   CHECK(o.code == 0);
   const json summary = read_json(r.out / "summary.json");
-  CHECK(has(summary["sequence"].get<std::string>(), "rec\xEF\xBF\xBD"));  // U+FFFD
+  CHECK(contains(summary["sequence"].get<std::string>(), "rec\xEF\xBF\xBD"));  // U+FFFD
   REQUIRE(summary["skipped"].size() == 1);
-  CHECK(has(summary["skipped"][0]["reason"].get<std::string>(), "x\xEF\xBF\xBD.png"));
+  CHECK(contains(summary["skipped"][0]["reason"].get<std::string>(), "x\xEF\xBF\xBD.png"));
 }
 
 TEST_CASE("masks are counted, and a run that could use none of them fails") {
@@ -421,8 +420,8 @@ TEST_CASE("masks are counted, and a run that could use none of them fails") {
     const Outcome o = r.track(given + " --motion " + motion);
     CAPTURE(o.text);
     CHECK(o.code == code);
-    CHECK(has(o.text, text));
-    CHECK(has(o.text, "no frame has a mask that fits") == (code != 0));
+    CHECK(contains(o.text, text));
+    CHECK(contains(o.text, "no frame has a mask that fits") == (code != 0));
   };
   check("geometric", 1, "masks: 0 of 4 frames have one that fits, 0 do not fit");  // an empty folder
   each_mask([](const fs::path& file, int) { std::ofstream(file) << "no image"; });
@@ -469,12 +468,12 @@ TEST_CASE("detections are counted, and a run in which no stamp is that of a fram
     std::ofstream(file) << "1000.0 10 10 50 50 0.9 0\n";
     Outcome o = r.track("--detections " + file + " --motion " + motion);
     CHECK(o.code == 1);
-    CHECK(has(o.text, "detections: 0 of 4 frames have some"));
-    CHECK(has(o.text, "no stamp is that of a frame"));
+    CHECK(contains(o.text, "detections: 0 of 4 frames have some"));
+    CHECK(contains(o.text, "no stamp is that of a frame"));
     std::ofstream(file) << "0.0 10 10 50 50 0.9 0\n";
     o = r.track("--detections " + file + " --motion " + motion);
     CHECK(o.code == 0);
-    CHECK(has(o.text, "detections: 1 of 4 frames have some"));
+    CHECK(contains(o.text, "detections: 1 of 4 frames have some"));
   }
   // a file that says that there is nothing was used
   fs::create_directories(r.path / "boxes");
@@ -489,12 +488,12 @@ TEST_CASE("ground truth that cannot be compared is told") {
     const Outcome o = r.track("");
     CAPTURE(o.text);
     CHECK(o.code == code);
-    CHECK(has(o.text, text));
+    CHECK(contains(o.text, text));
   };
   const std::string unknown = "the errors are not known: the ground truth cannot be compared: ";
   std::ofstream(r.in / "groundtruth.txt") << "0 0 0 0 0 0 0 1\n";
   told(0, unknown + "1 pair(s) of poses within 0.02 s, need 3");
-  CHECK(has(read_json(r.out / "summary.json")["evaluation_problem"].get<std::string>(), "1 pair"));
+  CHECK(contains(read_json(r.out / "summary.json")["evaluation_problem"].get<std::string>(), "1 pair"));
   std::ofstream(r.in / "groundtruth.txt") << truth;
   r.rewrite("groundtruth.txt", [](int, std::vector<std::string> f) { return f[0] = std::to_string(std::stod(f[0]) + 1000), joined(f); });
   told(0, "the ground truth covers 1000.000 .. ");
@@ -514,7 +513,7 @@ TEST_CASE("timestamps that are no seconds or far apart are told once") {
     const std::size_t at = o.text.find("warning: ");
     REQUIRE(at != std::string::npos);
     CHECK(o.text.find("warning: ", at + 1) == std::string::npos);
-    CHECK(has(o.text, text));
+    CHECK(contains(o.text, text));
   };
   const std::string lists = bytes_of(r.in / "associations.txt");
   fs::remove(r.in / "groundtruth.txt");
@@ -536,11 +535,11 @@ TEST_CASE("timestamps that are no seconds or far apart are told once") {
   const std::string command = std::string(APSO_EVAL) + " " + euroc.string() + " " + euroc.string();
   const Outcome told = run(command, r.path);
   CHECK(told.code == 0);
-  CHECK(has(told.text, "euroc.txt (tum_ns, 3 poses)"));
+  CHECK(contains(told.text, "euroc.txt (tum_ns, 3 poses)"));
   const Outcome o = run(command + " --format tum", r.path);
   CHECK(o.code == 1);
-  CHECK(has(o.text, "euroc.txt: the timestamps look like nanoseconds"));
-  CHECK(has(o.text, "--format tum_ns"));
+  CHECK(contains(o.text, "euroc.txt: the timestamps look like nanoseconds"));
+  CHECK(contains(o.text, "--format tum_ns"));
 }
 
 TEST_CASE("paths in the lists of a recording do not lead out of it") {
@@ -551,7 +550,7 @@ TEST_CASE("paths in the lists of a recording do not lead out of it") {
     std::ofstream(r.in / "associations.txt") << "0.0 " << outside << " 0.0 depth/0.000000.png\n";
     const Outcome o = r.track("");
     CHECK(o.code == 1);
-    CHECK(has(o.text, "expected files in this folder"));
+    CHECK(contains(o.text, "expected files in this folder"));
   }
 }
 
@@ -623,15 +622,15 @@ TEST_CASE("faults of cameras, drivers and clocks") {
       CHECK(all[i].state == clean[i].state);
       CHECK(all[i].error == doctest::Approx(clean[i].error).epsilon(1e-6).scale(0.1));
     }
-    CHECK(has(recording.text(), "10 skipped"));
-    CHECK(has(recording.text(), "skipped frame 41: its stamp, 1.333333, is not later than 1.333333, which a frame before has"));
+    CHECK(contains(recording.text(), "10 skipped"));
+    CHECK(contains(recording.text(), "skipped frame 41: its stamp, 1.333333, is not later than 1.333333, which a frame before has"));
   }
   {
     INFO("frames that come too late are skipped");
     std::vector<int> origin = eighty;
     for (int i = first + 8; i >= first; i -= 2) origin.erase(origin.begin() + i);
     const auto all = spoiled("reordered", 80, origin);
-    CHECK(has(recording.text(), "5 skipped"));
+    CHECK(contains(recording.text(), "5 skipped"));
     CHECK(span(all, 0, 75).error < 0.1);
     CHECK(span(all, 60, 75).error < 0.02);
   }
@@ -639,8 +638,8 @@ TEST_CASE("faults of cameras, drivers and clocks") {
     INFO("a clock that is set back ends what has a pose, and every frame is named");
     const auto all = spoiled("clock-back", 80, std::vector<int>(in_order.begin(), in_order.begin() + first));
     CHECK(span(all, 0, first).error < 0.02);
-    CHECK(has(recording.text(), "40 of 80 frames with a pose"));
-    for (const char* frame : {"skipped frame 40: its stamp", "skipped frame 79: its stamp"}) CHECK(has(recording.text(), frame));
+    CHECK(contains(recording.text(), "40 of 80 frames with a pose"));
+    for (const char* frame : {"skipped frame 40: its stamp", "skipped frame 79: its stamp"}) CHECK(contains(recording.text(), frame));
   }
   {
     INFO("a flash of three frames: none of them is GOOD");
@@ -692,7 +691,7 @@ TEST_CASE("faults of cameras, drivers and clocks") {
       if (late) CHECK(span(all, 0, 80).error < 0.06);
       if (late) CHECK(span(all, 60, 80).error < 0.02);
       if (!late) CHECK(std::none_of(all.begin(), all.end(), [](const Faulty::Frame& f) { return f.state == "GOOD"; }));
-      CHECK(has(recording.text(), "masks: 70 of 80 frames have one that fits"));
+      CHECK(contains(recording.text(), "masks: 70 of 80 frames have one that fits"));
     }
   }
 }
@@ -733,11 +732,11 @@ TEST_CASE("apso_motion refuses true masks and frames of another size") {
   cv::imwrite((r.in / "masks" / "0.100000.png").string(), cv::Mat(240, 320, CV_8U, cv::Scalar(255)));
   o = run(with_masks, r.path);
   CHECK(o.code == 1);
-  CHECK(has(o.text, "0.100000.png: the mask is 320x240, expected the size of the images, 640x480"));
+  CHECK(contains(o.text, "0.100000.png: the mask is 320x240, expected the size of the images, 640x480"));
   fs::remove(r.in / "masks" / "0.100000.png");
   o = run(with_masks, r.path);
   CHECK(o.code == 0);
-  CHECK(has(o.text, "3 of 4 frames have a true mask"));
+  CHECK(contains(o.text, "3 of 4 frames have a true mask"));
   for (const auto& e : fs::directory_iterator(r.in / "masks")) cv::imwrite(e.path().string(), cv::Mat(1, 1, CV_8U, cv::Scalar(255)));
   CHECK(run(with_masks, r.path).code == 1);
   for (const auto& e : std::vector<fs::directory_entry>(fs::directory_iterator(r.in / "rgb"), fs::directory_iterator())) {
@@ -745,10 +744,10 @@ TEST_CASE("apso_motion refuses true masks and frames of another size") {
   }
   o = run(motion + r.in.string() + "@tum-fr3", r.path);
   CHECK(o.code == 1);
-  CHECK(has(o.text, "no frame can be read"));
+  CHECK(contains(o.text, "no frame can be read"));
   o = r.track("");
   CHECK(o.code == 1);
-  CHECK(has(o.text, "no frame can be read"));
+  CHECK(contains(o.text, "no frame can be read"));
 }
 
 TEST_CASE("wrong usage is named, and every program returns 2") {
@@ -758,7 +757,7 @@ TEST_CASE("wrong usage is named, and every program returns 2") {
     CAPTURE(command);
     CAPTURE(o.text);
     CHECK(o.code == code);
-    CHECK(has(o.text, text));
+    CHECK(contains(o.text, text));
   };
   const std::string out = " --output " + (f.path / "out").string();
   const std::string track = std::string(APSO_TRACK) + " synthetic:static_static --max-frames 1 --quiet ";
@@ -784,6 +783,6 @@ TEST_CASE("wrong usage is named, and every program returns 2") {
   CHECK_FALSE(fs::exists(f.path / "out"));
   const Outcome short_run = run(track + "--spoil wall" + out, f.path);
   CHECK(short_run.code == 0);
-  CHECK(has(short_run.text, "--spoil: no frame is degraded"));
+  CHECK(contains(short_run.text, "--spoil: no frame is degraded"));
 }
 #endif

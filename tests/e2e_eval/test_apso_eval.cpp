@@ -21,6 +21,8 @@ TEST_CASE("apso_eval") { MESSAGE("skipped: the programs are not built (APSO_BUIL
 
 #include <nlohmann/json.hpp>
 
+#include "../contains.hpp"
+
 namespace {
 struct Run {
   int code = -1;
@@ -204,7 +206,6 @@ TEST_CASE("lines that are not finite are warned about on standard error, JSON st
 
 namespace {
 const std::string kOracle = std::string(APSO_SOURCE_DIR) + "/tests/evaluation/oracle/";
-bool has(const std::string& text, const std::string& word) { return text.find(word) != std::string::npos; }
 /// Cells of the lines of a table.
 std::vector<std::vector<std::string>> cells(const std::string& text, char separator) {
   std::vector<std::vector<std::string>> rows;
@@ -226,14 +227,14 @@ TEST_CASE("the formats of TUM, KITTI and EuRoC are told apart and give the numbe
        {"truth_euroc.csv (euroc, 160 poses)", "estimate_ns.txt (tum_ns, 77 poses)",
         "tum: greedy one-to-one, stamps less than 0.02 s apart; 77 of 77 pairs (100.0 %)", "scale 0.987996", "  0.016928   0.015558 "}) {
     CAPTURE(word);
-    CHECK(has(euroc.out, word));
+    CHECK(contains(euroc.out, word));
   }
   const Run kitti = run(kOracle + "truth_kitti.txt " + kOracle + "estimate_kitti.txt --rpe paper --align yaw --gravity-axis y");
   CHECK(kitti.code == 0);
   for (const char* word :
        {"(kitti, 77 poses)", "by frame: poses of the same number", "  0.243071   0.229112 ", "RPE 1f [deg]                76   0.361104"}) {
     CAPTURE(word);
-    CHECK(has(kitti.out, word));
+    CHECK(contains(kitti.out, word));
   }
   // without stamps there are no seconds, and no matching with a file that has them
   fails(run(kOracle + "truth_kitti.txt " + kOracle + "estimate_kitti.txt --delta 1s"),
@@ -246,8 +247,8 @@ TEST_CASE("the formats of TUM, KITTI and EuRoC are told apart and give the numbe
   for (int i = 0; i < 77; ++i) times += std::to_string(0.0666 * i) + "\n";
   f.write_other(times);
   const Run seconds = run(kOracle + "truth_kitti.txt " + kOracle + "estimate_kitti.txt --times " + f.other);
-  CHECK(has(seconds.out, "RPE 1s [m]"));
-  CHECK(has(seconds.out, "  0.163151   0.149083 "));
+  CHECK(contains(seconds.out, "RPE 1s [m]"));
+  CHECK(contains(seconds.out, "  0.163151   0.149083 "));
   // a forced format is not told from the file
   fails(run(kOracle + "truth_kitti.txt " + kOracle + "estimate.txt --format tum"), "truth_kitti.txt:1: found 12 fields, expected 8");
   CHECK(run(kOracle + "truth_euroc.csv " + kOracle + "estimate_ns.txt --groundtruth-format euroc --format tum_ns").code == 0);
@@ -288,7 +289,7 @@ TEST_CASE("several estimates in one table: bold is the best, the improvement is 
   auto rows = cells(markdown.out, '|');
   REQUIRE(rows.size() >= 4);
   CHECK(rows[0][3] == " ATE \\[m\\] rmse ");
-  CHECK(has(markdown.out, "RPE 1s"));
+  CHECK(contains(markdown.out, "RPE 1s"));
   CHECK(rows[2][1] == " worse ");
   CHECK(rows[2][2] == " 77 of 77 (100.0 %) ");
   CHECK(rows[2][3] == " " + fixed(first, 5) + " ");
@@ -297,13 +298,13 @@ TEST_CASE("several estimates in one table: bold is the best, the improvement is 
   CHECK(rows[3][2] == " 160 of 160 (100.0 %) ");
   CHECK(rows[3][3] == " **" + fixed(second, 5) + "** ");
   CHECK(rows[3][5] == " " + fixed(100 * (first - second) / first, 2) + " ");
-  CHECK(has(markdown.out, "stamps less than 0.02 s apart"));
-  CHECK(has(markdown.err, "77 pairs, another estimate has 160"));
+  CHECK(contains(markdown.out, "stamps less than 0.02 s apart"));
+  CHECK(contains(markdown.err, "77 pairs, another estimate has 160"));
 
   const Run latex = run(files + " --table latex --baseline '" + better + "'");
-  CHECK(has(latex.out, "a\\&b & 160 of 160 (100.0 \\%) & \\textbf{" + fixed(second, 6) + "}"));
-  CHECK(has(latex.out, fixed(100 * (second - first) / second, 2)));
-  CHECK(has(latex.out, "\\begin{tabular}{lrrrrrrrrrrr}"));
+  CHECK(contains(latex.out, "a\\&b & 160 of 160 (100.0 \\%) & \\textbf{" + fixed(second, 6) + "}"));
+  CHECK(contains(latex.out, fixed(100 * (second - first) / second, 2)));
+  CHECK(contains(latex.out, "\\begin{tabular}{lrrrrrrrrrrr}"));
 
   const Run csv = run(files + " --table csv --baseline estimate");
   rows = cells(csv.out, ',');
@@ -315,7 +316,7 @@ TEST_CASE("several estimates in one table: bold is the best, the improvement is 
   CHECK(std::stod(rows[2][16]) == doctest::Approx(100 * (first - second) / first).epsilon(1e-6));
 
   const Run text = run(files);
-  CHECK(has(text.out, fixed(second, 6) + "*"));
+  CHECK(contains(text.out, fixed(second, 6) + "*"));
   const auto j = nlohmann::ordered_json::parse(run(files + " --json").out);
   REQUIRE(j["estimates"].size() == 2);
   CHECK(j["estimates"][1]["ate"]["rmse"].get<double>() == second);
@@ -334,16 +335,16 @@ TEST_CASE("an error over less than 90 % of the poses is warned about, marked, an
   f.write_other(half);
   const Run whole = run(f.truth + " " + f.other);
   CHECK(whole.err.empty());
-  CHECK(has(whole.out, "41 of 41 pairs"));
+  CHECK(contains(whole.out, "41 of 41 pairs"));
   const Run part = run(f.truth + " " + f.other + " --association evo");
   CHECK(part.code == 0);
-  CHECK(has(part.err, "the ATE is over 21 of 41 poses (51.2 %), less than 90 %"));
-  CHECK(has(part.out, "evo: nearest stamp of the longer list, at most 0.01 s apart; 21 of 41 pairs (51.2 %)"));
+  CHECK(contains(part.err, "the ATE is over 21 of 41 poses (51.2 %), less than 90 %"));
+  CHECK(contains(part.out, "evo: nearest stamp of the longer list, at most 0.01 s apart; 21 of 41 pairs (51.2 %)"));
   const Run table = run(f.truth + " " + f.estimate + " " + f.other + " --association evo --names whole,part");
-  CHECK(has(table.out, "21 of 41 (51.2 %) !"));
+  CHECK(contains(table.out, "21 of 41 (51.2 %) !"));
   const auto rows = cells(table.out, '\n');
-  CHECK(has(rows[1][0], "*"));
-  CHECK(!has(rows[2][0], "*"));
+  CHECK(contains(rows[1][0], "*"));
+  CHECK(!contains(rows[2][0], "*"));
 }
 
 TEST_CASE("the picture of an evaluation: PNG, SVG and PDF, and nothing of the user's is overwritten") {
@@ -359,7 +360,7 @@ TEST_CASE("the picture of an evaluation: PNG, SVG and PDF, and nothing of the us
   for (const char* word : {"</svg>", "plane of the largest extent, x and y", "ATE rmse 0.0000 m, 41 of 41 pairs", "position error [m]",
                            "time [s]", "start", "end"}) {
     CAPTURE(word);
-    CHECK(has(text, word));
+    CHECK(contains(text, word));
   }
   CHECK(run(both + " --plot " + svg).code == 0);  // its own picture may be replaced
   for (const char* extension : {"png", "pdf"}) {

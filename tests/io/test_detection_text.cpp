@@ -7,6 +7,7 @@
 
 #include <apso/io/detection_text.hpp>
 
+#include "../contains.hpp"
 #include "temporary_file.hpp"
 
 using namespace apso;
@@ -35,7 +36,6 @@ std::string image_error(const std::string& text) {
   }
   return {};
 }
-bool has(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 const std::string kGood = "10.5 1 2 30 40 0.5 0\n";
 }  // namespace
 
@@ -64,33 +64,33 @@ TEST_CASE("a log of detections with commas, tabs, a byte order mark and line end
 
 TEST_CASE("a line of a log that is not what it should be is refused with file, line and field") {
   CHECK(log_error(kGood).empty());
-  CHECK(has(log_error(kGood + "11 1e39 2 30 40 0.5 0\n"), ":2: field 2 (left) is '1e39', expected a number in [-1e+06, 1e+06]"));
-  CHECK(has(log_error(kGood + "11 1 2 1e999 40 0.5 0\n"), ":2: field 4 (width) is '1e999', expected a number in [0, 1e+06]"));
-  CHECK(has(log_error(kGood + "11 1 2 3e38 40 0.5 0\n"), ":2: field 4 (width)"));
-  CHECK(has(log_error(kGood + "11 1 2 -3 40 0.5 0\n"), ":2: field 4 (width)"));
-  CHECK(has(log_error(kGood + "11 1 nan 3 40 0.5 0\n"), ":2: field 3 (top) is 'nan'"));
-  CHECK(has(log_error(kGood + "11 1 2 3 40 1.5 0\n"), ":2: field 6 (score) is '1.5', expected a number in [0, 1]"));
-  CHECK(has(log_error(kGood + "inf 1 2 3 40 0.5 0\n"), ":2: field 1 (timestamp)"));
-  CHECK(has(log_error(kGood + "11 1 2 3 40 0.5 0.7\n"), ":2: field 7 (class_id) is '0.7', expected a whole number"));
-  CHECK(has(log_error(kGood + "11 1 2 3 40 0.5 99999999999\n"), ":2: field 7 (class_id)"));
-  CHECK(has(log_error(kGood + "11 1 2 3 40 0.5 0 7\n"), ":2: found 8 fields, expected 7: timestamp left"));
-  CHECK(has(log_error(kGood + "11 1 2 3 40 0.5\n"), ":2: found 6 fields"));
+  CHECK(contains(log_error(kGood + "11 1e39 2 30 40 0.5 0\n"), ":2: field 2 (left) is '1e39', expected a number in [-1e+06, 1e+06]"));
+  CHECK(contains(log_error(kGood + "11 1 2 1e999 40 0.5 0\n"), ":2: field 4 (width) is '1e999', expected a number in [0, 1e+06]"));
+  CHECK(contains(log_error(kGood + "11 1 2 3e38 40 0.5 0\n"), ":2: field 4 (width)"));
+  CHECK(contains(log_error(kGood + "11 1 2 -3 40 0.5 0\n"), ":2: field 4 (width)"));
+  CHECK(contains(log_error(kGood + "11 1 nan 3 40 0.5 0\n"), ":2: field 3 (top) is 'nan'"));
+  CHECK(contains(log_error(kGood + "11 1 2 3 40 1.5 0\n"), ":2: field 6 (score) is '1.5', expected a number in [0, 1]"));
+  CHECK(contains(log_error(kGood + "inf 1 2 3 40 0.5 0\n"), ":2: field 1 (timestamp)"));
+  CHECK(contains(log_error(kGood + "11 1 2 3 40 0.5 0.7\n"), ":2: field 7 (class_id) is '0.7', expected a whole number"));
+  CHECK(contains(log_error(kGood + "11 1 2 3 40 0.5 99999999999\n"), ":2: field 7 (class_id)"));
+  CHECK(contains(log_error(kGood + "11 1 2 3 40 0.5 0 7\n"), ":2: found 8 fields, expected 7: timestamp left"));
+  CHECK(contains(log_error(kGood + "11 1 2 3 40 0.5\n"), ":2: found 6 fields"));
 }
 
 TEST_CASE("a line of a file per image that is not what it should be is refused with file and line") {
   const std::string good = "left:1 top:2 right:3 bottom:8 class:person 0.5\n";
   CHECK(image_error(good).empty());
-  CHECK(has(image_error(good + "left:1 top:2 right:1e39 bottom:8 class:person 0.5\n"), ":2: needs 'right:'"));
-  CHECK(has(image_error(good + "left:-3e38 top:2 right:3e38 bottom:8 class:person\n"), ":2: needs 'left:'"));
-  CHECK(has(image_error(good + "left:1 top:2 right:3 bottom:8 class:0.7\n"), ":2: the class '0.7'"));
-  CHECK(has(image_error(good + "left:1 top:2 right:3 bottom:8 class:person 0.5 0.6\n"), ":2: 'score' is given twice"));
-  CHECK(has(image_error(good + "left:1 left:2 top:2 right:3 bottom:8\n"), ":2: 'left' is given twice"));
-  CHECK(has(image_error(good + "left:1 top:2 right:3 bottom:8 colour:3\n"), ":2: 'colour:' is not known"));
-  CHECK(has(image_error(good + "left:1 top:2 right:3 bottom:8 width:3\n"), ":2: needs"));
-  CHECK(has(image_error(good + "left:1 top:2 right:3 bottom:\n"), ":2: 'bottom:' has no value"));
-  CHECK(has(image_error(good + "left: top:2 right:3 bottom:8\n"), ":2: 'left:' has no value"));
-  CHECK(has(image_error("0.7 0.5 0.5 0.2 0.2\n"), ":1: the class '0.7'"));
-  CHECK(has(image_error("0 0.5 0.5 0.2 0.2 0.9 0.1\n"), ":1: expected 'class_id"));
+  CHECK(contains(image_error(good + "left:1 top:2 right:1e39 bottom:8 class:person 0.5\n"), ":2: needs 'right:'"));
+  CHECK(contains(image_error(good + "left:-3e38 top:2 right:3e38 bottom:8 class:person\n"), ":2: needs 'left:'"));
+  CHECK(contains(image_error(good + "left:1 top:2 right:3 bottom:8 class:0.7\n"), ":2: the class '0.7'"));
+  CHECK(contains(image_error(good + "left:1 top:2 right:3 bottom:8 class:person 0.5 0.6\n"), ":2: 'score' is given twice"));
+  CHECK(contains(image_error(good + "left:1 left:2 top:2 right:3 bottom:8\n"), ":2: 'left' is given twice"));
+  CHECK(contains(image_error(good + "left:1 top:2 right:3 bottom:8 colour:3\n"), ":2: 'colour:' is not known"));
+  CHECK(contains(image_error(good + "left:1 top:2 right:3 bottom:8 width:3\n"), ":2: needs"));
+  CHECK(contains(image_error(good + "left:1 top:2 right:3 bottom:\n"), ":2: 'bottom:' has no value"));
+  CHECK(contains(image_error(good + "left: top:2 right:3 bottom:8\n"), ":2: 'left:' has no value"));
+  CHECK(contains(image_error("0.7 0.5 0.5 0.2 0.2\n"), ":1: the class '0.7'"));
+  CHECK(contains(image_error("0 0.5 0.5 0.2 0.2 0.9 0.1\n"), ":1: expected 'class_id"));
 }
 
 TEST_CASE("more than three hundred objects in one image are refused, in a sequence they are not") {
@@ -100,9 +100,9 @@ TEST_CASE("more than three hundred objects in one image are refused, in a sequen
     sequence += std::to_string(i) + " 1 2 30 40 0.5 0\n" + std::to_string(i) + " 5 2 30 40 0.5 0\n";
     image += "0 0.5 0.5 0.2 0.2\n";
   }
-  CHECK(has(log_error(many), ":301: more than 300 objects in one image"));
+  CHECK(contains(log_error(many), ":301: more than 300 objects in one image"));
   CHECK(log_error(sequence).empty());
-  CHECK(has(image_error(image), ":301: more than 300 objects in one image"));
+  CHECK(contains(image_error(image), ":301: more than 300 objects in one image"));
 }
 
 TEST_CASE("a message has no control character of the file in it, and no long line") {

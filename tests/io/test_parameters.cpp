@@ -4,6 +4,7 @@
 
 #include <apso/io/parameters.hpp>
 
+#include "../contains.hpp"
 #include "temporary_file.hpp"
 
 namespace sample {
@@ -42,7 +43,6 @@ std::string message_of(const std::string& yaml) {
   }
   return "";
 }
-bool contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 }  // namespace
 
 TEST_CASE("parameters are read, and what is not named keeps its value") {

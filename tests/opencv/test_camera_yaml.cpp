@@ -6,6 +6,8 @@
 
 #include <apso/io/camera_yaml.hpp>
 
+#include "../contains.hpp"
+
 using namespace apso;
 
 namespace {
@@ -23,7 +25,6 @@ std::string camera_error(const std::string& content, CameraModel* camera = nullp
   return message;
 }
 const std::string kGood = "fx: 500\nfy: 510\ncx: 320\ncy: 240\nwidth: 640\nheight: 480\ndepth_scale: 1000\n";
-bool has(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 }  // namespace
 
 TEST_CASE("a camera is read from YAML, distortion is optional") {
@@ -44,15 +45,15 @@ TEST_CASE("a camera is read from YAML, distortion is optional") {
 }
 
 TEST_CASE("a bad camera file names the field") {
-  CHECK(has(camera_error("fx: 500\n"), "fy is missing"));
-  CHECK(has(camera_error(kGood + "k1: much\n"), ":8: field k1 is no number"));
-  CHECK(has(camera_error(kGood + "k1: .nan\n"), ":8: field k1 is .nan, expected a number in [-1e+06, 1e+06]"));
-  CHECK(has(camera_error(kGood + "readout: 30\n"), ":8: field readout is 30, expected a number in [-0.2, 0.2]"));
-  CHECK(has(camera_error(kGood + "stamp_delay: 15\n"), ":8: field stamp_delay is 15, expected a number in [-0.2, 0.2]"));
-  CHECK(has(camera_error(kGood + "colour: red\n"), "'colour' is not known"));
-  CHECK(has(camera_error("fx: -1\nfy: 510\n"), ":1: field fx is -1, expected a number in [0.001, 1e+06]"));
-  CHECK(has(camera_error("just text"), "expected fields"));
-  CHECK(has(camera_error("fx: [1\n"), "not valid YAML"));
+  CHECK(contains(camera_error("fx: 500\n"), "fy is missing"));
+  CHECK(contains(camera_error(kGood + "k1: much\n"), ":8: field k1 is no number"));
+  CHECK(contains(camera_error(kGood + "k1: .nan\n"), ":8: field k1 is .nan, expected a number in [-1e+06, 1e+06]"));
+  CHECK(contains(camera_error(kGood + "readout: 30\n"), ":8: field readout is 30, expected a number in [-0.2, 0.2]"));
+  CHECK(contains(camera_error(kGood + "stamp_delay: 15\n"), ":8: field stamp_delay is 15, expected a number in [-0.2, 0.2]"));
+  CHECK(contains(camera_error(kGood + "colour: red\n"), "'colour' is not known"));
+  CHECK(contains(camera_error("fx: -1\nfy: 510\n"), ":1: field fx is -1, expected a number in [0.001, 1e+06]"));
+  CHECK(contains(camera_error("just text"), "expected fields"));
+  CHECK(contains(camera_error("fx: [1\n"), "not valid YAML"));
   CHECK_THROWS_AS((void)camera_from_yaml("/nowhere/camera.yaml"), io_error);
 }
 
@@ -63,17 +64,17 @@ TEST_CASE("a camera that cannot be is refused with line, field and range") {
     return camera_error(text.substr(0, at) + field + ": " + value + text.substr(text.find('\n', at)));
   };
   for (const char* bad : {"1e300", "1e-300", "0", ".inf"}) {
-    CHECK(has(with("fx", bad), (std::string(":1: field fx is ") + bad + ", expected a number in [0.001, 1e+06]").c_str()));
-    CHECK(has(with("fy", bad), ":2: field fy is "));
-    CHECK(
-        has(with("depth_scale", bad), (std::string(":7: field depth_scale is ") + bad + ", expected a number in [0.001, 1e+09]").c_str()));
+    CHECK(contains(with("fx", bad), (std::string(":1: field fx is ") + bad + ", expected a number in [0.001, 1e+06]").c_str()));
+    CHECK(contains(with("fy", bad), ":2: field fy is "));
+    CHECK(contains(with("depth_scale", bad),
+                   (std::string(":7: field depth_scale is ") + bad + ", expected a number in [0.001, 1e+09]").c_str()));
   }
-  CHECK(has(with("cy", "-1e300"), ":4: field cy is -1e300, expected a number in [-1e+06, 1e+06]"));
-  CHECK(has(with("width", "100000"), ":5: field width is 100000, expected a number in [1, 32767]"));
-  CHECK(has(with("height", "1e400"), ":6: field height is no number"));
-  CHECK(has(with("height", "480.5"), "field height, expected a whole number"));
-  CHECK(has(camera_error("fx: 500\nfy: 510\ncx: 320\ncy: 240\nwidth: 30000\nheight: 30000\ndepth_scale: 1000\n"),
-            "fields width and height are 30000 x 30000, expected at most 100000000 pixels"));
+  CHECK(contains(with("cy", "-1e300"), ":4: field cy is -1e300, expected a number in [-1e+06, 1e+06]"));
+  CHECK(contains(with("width", "100000"), ":5: field width is 100000, expected a number in [1, 32767]"));
+  CHECK(contains(with("height", "1e400"), ":6: field height is no number"));
+  CHECK(contains(with("height", "480.5"), "field height, expected a whole number"));
+  CHECK(contains(camera_error("fx: 500\nfy: 510\ncx: 320\ncy: 240\nwidth: 30000\nheight: 30000\ndepth_scale: 1000\n"),
+                 "fields width and height are 30000 x 30000, expected at most 100000000 pixels"));
   CHECK(with("fx", "1e6").empty());
   CHECK(with("depth_scale", "1").empty());
   CameraModel c;
@@ -87,9 +88,9 @@ TEST_CASE("a camera that cannot be is refused with line, field and range") {
 }
 
 TEST_CASE("a camera file that says two things is refused, and a folder is named") {
-  CHECK(has(camera_error(kGood + "fx: 501\n"), ":8: 'fx' is given twice"));
-  CHECK(has(camera_error(kGood + "---\n" + kGood), ": a second document begins"));
-  CHECK(has(camera_error(kGood + "? [1]\n: 2\n"), ": a name that is no text"));
+  CHECK(contains(camera_error(kGood + "fx: 501\n"), ":8: 'fx' is given twice"));
+  CHECK(contains(camera_error(kGood + "---\n" + kGood), ": a second document begins"));
+  CHECK(contains(camera_error(kGood + "? [1]\n: 2\n"), ": a name that is no text"));
   const std::string folder = std::filesystem::temp_directory_path().string();
   try {
     (void)camera_from_yaml(folder);

@@ -15,23 +15,16 @@
 #include <apso/quality/scores/sharpness.hpp>
 #include <apso/quality/scores/spread.hpp>
 
+#include "uniform.hpp"
+
 using namespace apso;
 using doctest::Approx;
 
 namespace {
-/// Uniform numbers in [0,1), the same everywhere.
-struct UniformFloat {
-  std::uint32_t state = 1;
-  float operator()() {
-    state = state * 1664525U + 1013904223U;
-    return static_cast<float>(state >> 8U) / 16777216.F;
-  }
-};
-
 /// Rectangles of random grey values.
 Image<float> rectangles(int width = 640, int height = 480) {
   Image<float> im(width, height, 0.5F);
-  UniformFloat random;
+  Uniform<float> random;
   for (int i = 0; i < 250; ++i) {
     const int x0 = static_cast<int>(random() * static_cast<float>(width));
     const int y0 = static_cast<int>(random() * static_cast<float>(height));
@@ -98,7 +91,7 @@ TEST_CASE("noise is not taken for sharpness, and what cannot be measured is not 
   const Image<float> im = rectangles();
   const SharpnessMeasure typical = measure_sharpness(im);
   Image<float> noisy = blurred(im, 41, 1, 0);
-  UniformFloat random;
+  Uniform<float> random;
   for (std::size_t i = 0; i < noisy.size(); ++i) noisy.data()[i] += 0.008F * 3.46F * (random() - 0.5F);
   CHECK(sharpness(noisy, typical) < 0.45);
   CHECK_FALSE(measure_sharpness(Image<float>(640, 480, 0.3F)).valid);
@@ -152,7 +145,7 @@ TEST_CASE("the assessor finds heavy blur BAD although keypoints and tracks look 
 }
 
 TEST_CASE("measures of spread: range, order, resolution") {
-  UniformFloat random;
+  Uniform<float> random;
   std::vector<Keypoint> even, clustered, scattered;
   for (int i = 0; i < 300; ++i) {
     even.push_back({16.F + 32.F * static_cast<float>(i % 20), 16.F + 32.F * static_cast<float>(i / 20), random(), 0, 0});
@@ -197,7 +190,7 @@ TEST_CASE("the residual flow leaves out the motion of the camera but not what mo
   MotionScratch scratch;
   MotionChangeOptions o;
   o.flow = FlowKind::Residual;
-  UniformFloat random;
+  Uniform<float> random;
   std::vector<Correspondence> turn;
   for (int i = 0; i < 400; ++i) {
     const float x = 640 * random(), y = 480 * random();
@@ -224,7 +217,7 @@ TEST_CASE("the residual flow leaves out the motion of the camera but not what mo
 
 TEST_CASE("scales: 95 % of the calm frames get at most 0.3") {
   std::vector<CalibrationSample> calm;
-  UniformFloat random;
+  Uniform<float> random;
   for (int i = 0; i < 1000; ++i) {
     CalibrationSample s;
     const double flow = 0.05 * static_cast<double>(random());
@@ -266,7 +259,7 @@ TEST_CASE("the threshold found by calibration is the one that the decision finds
   o.boost_object = 0;
   DecisionThreshold rule(o);
   std::vector<double> S_final;
-  UniformFloat random;
+  Uniform<float> random;
   for (int i = 0; i < 300; ++i) {
     S_final.push_back(0.75 + 0.1 * static_cast<double>(random()));
     rule.remember(Quality(S_final.back()), true);
@@ -328,7 +321,7 @@ TEST_CASE("th_differ by rule") {
 
 TEST_CASE("fitted weights lean on the score that tells hard frames apart, and stay weights") {
   std::vector<CalibrationSample> samples;
-  UniformFloat random;
+  Uniform<float> random;
   for (int i = 0; i < 400; ++i) {
     CalibrationSample s;
     s.hard = i % 4 == 0;

@@ -13,17 +13,12 @@
 #include <apso/math/se3.hpp>
 #include <apso/quality/assessor.hpp>
 
+#include "uniform.hpp"
+
 using namespace apso;
 using doctest::Approx;
 
 namespace {
-struct UniformDouble {
-  std::uint32_t state = 1;
-  double operator()() {
-    state = state * 1664525U + 1013904223U;
-    return static_cast<double>(state >> 8U) / 16777216.0;
-  }
-};
 const Pinhole kCamera{525, 525, 319.5, 239.5, 640, 480};
 
 Pose moved(double angle, const Eigen::Vector3d& t) {
@@ -40,7 +35,7 @@ struct TwoViews {
   std::vector<PointTrack> before, after;
   Image<float> depth{640, 480, 0.F};
   TwoViews(const Pose& T_current_reference, double spread_of_depth) {
-    UniformDouble random;
+    Uniform<double> random;
     for (int i = 0; i < 600; ++i) {
       const int u = 20 + static_cast<int>(600 * random()), v = 20 + static_cast<int>(440 * random());
       if (depth(u, v) != 0) continue;
@@ -86,7 +81,7 @@ TEST_CASE("a homography is the most probable one: errors count in pixels, wherev
   truth.cy = 240;
   const double h[8] = {1.1, .05, .1, -.03, .95, .05, .5, -.4};  // the scale differs by a factor of 3 over the image
   std::copy(h, h + 8, truth.h);
-  UniformDouble random;
+  Uniform<double> random;
   std::vector<Correspondence> matches;
   for (int i = 0; i < 200; ++i) {
     const double u = 640 * random(), v = 480 * random();

@@ -19,8 +19,6 @@ using namespace apso;
 using counting::Allocations;
 using counting::count;
 
-namespace {}  // namespace
-
 TEST_CASE("alignment that is warm allocates nothing") {
   const room::Frame r = room::render(room::kCamera, Pose::Identity(), {}, 1);
   const room::Frame c = room::render(room::kCamera, room::kTruth, {true, -.3, .4, 1.5}, 2);  // something moves: all paths are taken

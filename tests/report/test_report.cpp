@@ -6,6 +6,7 @@ TEST_CASE("apso_report") { MESSAGE("skipped: the programs are not built (APSO_BU
 
 #include <cmath>
 
+#include "../contains.hpp"
 #include "../run_program.hpp"
 
 namespace {
@@ -30,8 +31,6 @@ std::size_t occurrences(const std::string& text, const std::string& part) {
   for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++n;
   return n;
 }
-
-bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 Outcome report(const std::string& arguments, const fs::path& folder) { return run(std::string(APSO_REPORT) + " " + arguments, folder); }
 
@@ -98,8 +97,8 @@ TEST_CASE("a report holds every frame of the run, and its errors are those of th
   for (const json& e : r["events"]) told += e["kind"] == "BAD" ? 1 : 0;
   CHECK(told == bad_runs);
 
-  CHECK(!has(page, " src=\"http"));
-  CHECK(has(page, "default-src 'none'"));
+  CHECK(!contains(page, " src=\"http"));
+  CHECK(contains(page, "default-src 'none'"));
 }
 
 TEST_CASE("a report pairs poses by the rule of all programs") {
@@ -170,7 +169,7 @@ TEST_CASE("text of files cannot break the page, neither can missing numbers") {
   REQUIRE(o.code == 0);
   const std::string page = bytes_of(w.path / "r.html");
   CHECK(occurrences(page, "</script") == 3);  // runs, pictures, program
-  CHECK(!has(page, "<img src=x>"));
+  CHECK(!contains(page, "<img src=x>"));
   const json r = embedded(page, "runs")["runs"][0];
   CHECK(r["sequence"] == evil);
   CHECK(r["summary"]["command"] == evil);
@@ -187,7 +186,7 @@ TEST_CASE("what is no run is named, and nothing is written") {
     const Outcome o = report(arguments, w.path);
     INFO(o.text);
     CHECK(o.code == 1);
-    CHECK(has(o.text, text));
+    CHECK(contains(o.text, text));
     CHECK(!fs::exists(w.path / "r.html"));
   };
   refused("nowhere: no such folder", (w.path / "nowhere").string() + to);
@@ -213,14 +212,14 @@ TEST_CASE("a file that is no report is not replaced") {
   std::ofstream(mine) << "<html>mine</html>";
   const Outcome o = report(run_of_walking().string() + " --output " + mine.string(), w.path);
   CHECK(o.code == 1);
-  CHECK(has(o.text, "mine.html: is there and is no report"));
+  CHECK(contains(o.text, "mine.html: is there and is no report"));
   CHECK(bytes_of(mine) == "<html>mine</html>");
   fs::create_directories(w.path / "again");
   std::ofstream(w.path / "again" / "report.html") << "mine";
   const Outcome t = run(
       std::string(APSO_TRACK) + " synthetic:static_xyz --max-frames 2 --quiet --report --output " + (w.path / "again").string(), w.path);
   CHECK(t.code == 1);
-  CHECK(has(t.text, "report.html is there"));
+  CHECK(contains(t.text, "report.html is there"));
   CHECK(bytes_of(w.path / "again" / "report.html") == "mine");
 }
 #endif

@@ -13,6 +13,7 @@
 #include <apso/track.hpp>
 
 #include "../foreign_types.hpp"
+#include "position_error.hpp"
 
 using namespace apso;
 
@@ -36,8 +37,6 @@ struct Recording {
   }
   [[nodiscard]] Pose truth(int i) const { return compose(inverse(room.T_world_camera(0)), room.T_world_camera(i)); }
 };
-
-double position_error(const Pose& a, const Pose& b) { return (a.translation() - b.translation()).norm(); }
 
 }  // namespace
 

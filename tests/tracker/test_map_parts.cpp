@@ -11,6 +11,7 @@
 #include <apso/track.hpp>
 
 #include "../foreign_types.hpp"
+#include "position_error.hpp"
 #include "room_camera.hpp"
 
 using namespace apso;
@@ -24,8 +25,6 @@ testing::SyntheticOptions small_room() {
   o.seed = 103;
   return o;
 }
-
-double apart(const Pose& a, const Pose& b) { return (a.translation() - b.translation()).norm(); }
 
 /// A camera that sees a place, then for a while nothing it knows, then the new and the old place at once.
 template <class PoseT = Pose>
@@ -92,11 +91,11 @@ TEST_CASE("a camera that is lost for a second begins a new part of the map, and 
       CHECK(change.before == 1);
       CHECK(change.part == 0);
       CHECK(trajectory.of(1).empty());
-      CHECK(apart(camera.tracker().predicted(), camera.truth(i)) < 0.01);
+      CHECK(position_error(camera.tracker().predicted(), camera.truth(i)) < 0.01);
       joined_at = i;
     }
     CHECK(camera.pose().ok == (i < Wanderer::kElsewhere || (left_at > 0 && i > left_at)));
-    if (joined_at > 0 && i > joined_at) CHECK(apart(camera.pose().T_world_camera, camera.truth(i)) < 0.01);
+    if (joined_at > 0 && i > joined_at) CHECK(position_error(camera.pose().T_world_camera, camera.truth(i)) < 0.01);
   }
   // a second after the last frame that had a place; and two frames must say where the places lie to each other
   CHECK(left_at == Wanderer::kElsewhere - 1 + 30);
@@ -108,7 +107,7 @@ TEST_CASE("a camera that is lost for a second begins a new part of the map, and 
   REQUIRE(poses.size() == static_cast<std::size_t>(100 - (left_at + 1 - Wanderer::kElsewhere)));
   for (std::size_t k = 0; k < poses.size(); ++k) {
     const int i = static_cast<int>(std::lround(poses[k].timestamp * 30));
-    CHECK(apart(poses[k].T_world_body, camera.truth(i)) < 0.015);
+    CHECK(position_error(poses[k].T_world_body, camera.truth(i)) < 0.015);
   }
 }
 
@@ -168,12 +167,12 @@ TEST_CASE("a camera that is lost again finds its way back to an earlier part") {
       CHECK(change.event == PartEvent::Left);
       CHECK(change.before == 1);
       CHECK(change.part == 0);
-      CHECK(apart(camera.tracker().predicted(), camera.truth(i)) < 0.01);
+      CHECK(position_error(camera.tracker().predicted(), camera.truth(i)) < 0.01);
     }
     if (i > kBack) {
       REQUIRE(camera.pose().ok);
       CHECK(change.event == PartEvent::None);
-      CHECK(apart(camera.pose().T_world_camera, camera.truth(i)) < 0.01);
+      CHECK(position_error(camera.pose().T_world_camera, camera.truth(i)) < 0.01);
     }
   }
 }
