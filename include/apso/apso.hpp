@@ -36,7 +36,9 @@
 #include <apso/math/constants.hpp>
 #include <apso/math/kernels.hpp>
 #include <apso/math/lanes/lane_functions.hpp>
+#include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/math/linear_congruential.hpp>
 #include <apso/math/rigid_alignment.hpp>
 #include <apso/math/robust_scale.hpp>

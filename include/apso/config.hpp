@@ -9,6 +9,8 @@
 /// | APSO_NAMESPACE_TAG       | name of the inline namespace (default v0), to link two versions together; |
 /// |                          | _avx or _avx512 is added where these are compiled for                     |
 /// | APSO_NO_DEPRECATED       | be silent about the use of what will be removed                           |
+/// | APSO_NO_WIDE_LANES       | use the instruction set that is compiled for alone, also where the        |
+/// |                          | processor has AVX2 (math/lanes/wide_lanes.hpp)                            |
 #pragma once
 
 #include <cstdlib>

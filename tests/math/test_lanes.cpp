@@ -4,6 +4,7 @@
 #include <doctest/doctest.h>
 
 #include <apso/math/lanes/lane_functions.hpp>
+#include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
 
 using namespace apso;

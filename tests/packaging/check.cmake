@@ -145,14 +145,17 @@ elseif(WAY STREQUAL "two_versions")
     message(FATAL_ERROR "the names of apso do not follow APSO_NAMESPACE_TAG")
   endif()
 elseif(WAY STREQUAL "instruction_sets")
-  # Parts of one program that were compiled for different instruction sets do not share functions.
+  # Parts of one program that were compiled for different instruction sets do not share functions. One that is compiled for any
+  # processor gives the same bits with the lanes that this processor has and without.
   foreach(compiler IN LISTS COMPILERS)
-    foreach(order IN ITEMS "narrow;wide" "wide;narrow")  # a linker keeps the first of two functions of one name
+    foreach(order IN ITEMS "narrow;any;wide" "wide;any;narrow")  # a linker keeps the first of two functions of one name
       set(objects)
       foreach(part IN LISTS order)
         set(flags)
         if(part STREQUAL "wide")
           set(flags -mavx2)
+        elseif(part STREQUAL "narrow")
+          set(flags -DAPSO_NO_WIDE_LANES -DAPSO_NAMESPACE_TAG=narrow)
         endif()
         if(NOT EXISTS ${SCRATCH}/${part}.o)
           run(${compiler} -std=c++17 -O1 ${flags} -DPART=${part} -I${SOURCE}/include -I${EIGEN} -c ${here}/instruction_sets.cpp
@@ -163,7 +166,7 @@ elseif(WAY STREQUAL "instruction_sets")
       run(${compiler} -std=c++17 -O1 ${here}/instruction_sets.cpp ${objects} -o ${SCRATCH}/both)
       run(${SCRATCH}/both)
     endforeach()
-    file(REMOVE ${SCRATCH}/narrow.o ${SCRATCH}/wide.o)
+    file(REMOVE ${SCRATCH}/narrow.o ${SCRATCH}/any.o ${SCRATCH}/wide.o)
   endforeach()
 elseif(WAY STREQUAL "pkgconfig")
   install_and_move()

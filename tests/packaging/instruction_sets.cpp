@@ -1,5 +1,5 @@
-// Two parts of one program, compiled for different instruction sets, align the same pair of frames.
-// With -DPART=name: one of the parts. Without: the program that calls both.
+// Three parts of one program, compiled for different instruction sets, align the same pair of frames.
+// With -DPART=name: one of the parts. Without: the program that calls all of them.
 #include <cmath>
 #include <cstdio>
 #include <initializer_list>
@@ -55,22 +55,30 @@ const char* PART(double T[3]) {
 #else
 #include <cstring>
 
-const char* narrow(double T[3]);
-const char* wide(double T[3]);
+const char* narrow(double T[3]);  // for any processor, with the lanes of any processor
+const char* any(double T[3]);     // for any processor, with the lanes that this one has
+const char* wide(double T[3]);    // for AVX2
 
 int main() {
   if (!__builtin_cpu_supports("avx2")) {
     std::puts("skipped: this processor has no AVX2");
     return 0;
   }
-  double a[3], b[3];
-  if (std::strcmp(narrow(a), wide(b)) == 0) {
-    std::puts("one name for lanes of two widths");
-    return 1;
+  double a[3], b[3], c[3];
+  const char* names[] = {narrow(a), any(b), wide(c)};
+  for (int i = 0; i < 3; ++i) {
+    if (std::strcmp(names[i], names[(i + 1) % 3]) == 0) {
+      std::puts("one name for lanes of two parts");
+      return 1;
+    }
   }
-  std::printf("%.6f %.6f %.6f and %.6f %.6f %.6f\n", a[0], a[1], a[2], b[0], b[1], b[2]);
-  for (const double* T : {a, b}) {
+  for (const double* T : {a, b, c}) {
+    std::printf("%.9f %.9f %.9f\n", T[0], T[1], T[2]);
     if (!(std::abs(T[0] - 0.03) < 2e-3) || !(std::abs(T[1]) < 2e-3) || !(std::abs(T[2]) < 2e-3)) return 1;
+  }
+  if (std::memcmp(a, b, sizeof a) != 0) {
+    std::puts("lanes that are found at run time give other bits");
+    return 1;
   }
   return 0;
 }

@@ -9,6 +9,7 @@
 #include <apso/config.hpp>
 #include <apso/math/kernels.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -29,12 +30,13 @@ struct has_rho<K, T, std::enable_if_t<std::is_convertible_v<decltype(std::declva
 template <class K>
 constexpr void check_kernel() {
   if constexpr (!std::is_same_v<K, RobustKernel>) {
-    static_assert(detail::has_weight<K, Lanes>::value && detail::has_weight<K, double>::value,
+    using Wide = BasicLanes<kWideLanes>;
+    static_assert(detail::has_weight<K, Lanes>::value && detail::has_weight<K, Wide>::value && detail::has_weight<K, double>::value,
                   "apso: a kernel needs `template <class T> T weight(const T& s2) const`, w = rho'(s)/s of the squared residual s2, "
-                  "for T = double and apso::Lanes");
-    static_assert(detail::has_rho<K, Lanes>::value && detail::has_rho<K, double>::value,
+                  "for T = double and apso::BasicLanes<n>");
+    static_assert(detail::has_rho<K, Lanes>::value && detail::has_rho<K, Wide>::value && detail::has_rho<K, double>::value,
                   "apso: a kernel needs `template <class T> T rho(const T& s2) const`, the cost of the squared residual s2, for "
-                  "T = double and apso::Lanes");
+                  "T = double and apso::BasicLanes<n>");
   }
 }
 
@@ -45,27 +47,30 @@ class KernelRef {
   template <class Kernel, class = std::enable_if_t<!std::is_same_v<Kernel, KernelRef>>>
   explicit KernelRef(const Kernel& kernel)
       : kernel_(&kernel),
-        loop_([](const void* k, Lanes* s2, Lanes* rho, int n) { all(*static_cast<const Kernel*>(k), s2, rho, n); }),
+        loop_([](const void* k, float* s2, float* rho, int n) { all(*static_cast<const Kernel*>(k), s2, rho, n); }),
         rho_([](const void* k, double s) { return one(*static_cast<const Kernel*>(k), s); }) {
     check_kernel<Kernel>();
   }
 
   /// n squared residuals become their weights; `rho` receives their costs.
-  void operator()(Lanes* s2, Lanes* rho, int n) const { loop_(kernel_, s2, rho, n); }
+  /// \param n a multiple of kWideLanes
+  void operator()(float* s2, float* rho, int n) const { loop_(kernel_, s2, rho, n); }
   /// Cost of one residual s.
   [[nodiscard]] double rho(double s) const { return rho_(kernel_, s); }
 
  private:
   template <class Kernel>
-  APSO_FLATTEN static void all(const Kernel& kernel, Lanes* s2, Lanes* rho, int n) {
-    const Kernel k = kernel;  // a copy of its own: nothing that is written can change it
-    for (int i = 0; i < n; ++i) {
-      const Lanes s = s2[i];
-      s2[i] = k.weight(s);
-      rho[i] = k.rho(s);
-    }
+  static void all(const Kernel& kernel, float* s2, float* rho, int n) {
+    in_widest_lanes([=](auto lanes) {
+      using L = BasicLanes<decltype(lanes)::value>;
+      for (int i = 0; i < n; i += lanes) {
+        const L s = L::load(s2 + i);
+        kernel.weight(s).store(s2 + i);
+        kernel.rho(s).store(rho + i);
+      }
+    });
   }
-  static void all(const RobustKernel& kernel, Lanes* s2, Lanes* rho, int n) {
+  static void all(const RobustKernel& kernel, float* s2, float* rho, int n) {
     kernel.visit([=](const auto& k) { all(k, s2, rho, n); });
   }
   template <class Kernel>
@@ -75,7 +80,7 @@ class KernelRef {
   static double one(const RobustKernel& kernel, double s) { return kernel.rho(s); }
 
   const void* kernel_ = nullptr;
-  void (*loop_)(const void*, Lanes*, Lanes*, int) = nullptr;
+  void (*loop_)(const void*, float*, float*, int) = nullptr;
   double (*rho_)(const void*, double) = nullptr;
 };
 

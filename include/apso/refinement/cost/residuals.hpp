@@ -16,8 +16,9 @@
 #include <cstdint>
 
 #include <apso/config.hpp>
-#include <apso/math/lanes/lane_functions.hpp>
+#include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/refinement/cost/illumination.hpp>
 #include <apso/refinement/cost/noise_model.hpp>
@@ -62,8 +63,11 @@ struct WarpCounts {
   }
 };
 
-/// What happened to kLanes pixels.
-struct WarpedLanes {
+/// What happened to n pixels.
+template <int n>
+struct BasicWarpedLanes {
+  using Lanes = BasicLanes<n>;
+  using Mask = BasicIntLanes<n>;
   Lanes residual_intensity;  ///< r_I [0,1]
   Lanes residual_depth;      ///< r_D [m]
   Lanes inverse_intensity;   ///< 1 / variance of r_I by the noise model
@@ -77,14 +81,22 @@ struct WarpedLanes {
   Mask selected, valid, valid_depth, out_of_view, occluded, disoccluded, masked;
 };
 
-/// Warps pixels of one reference level into one current level.
-class Warper {
+using WarpedLanes = BasicWarpedLanes<kLanes>;
+
+/// Warps pixels of one reference level into one current level, n at a time.
+template <int n>
+class BasicWarper {
+  using Lanes = BasicLanes<n>;
+  using IntLanes = BasicIntLanes<n>;
+  using Mask = BasicIntLanes<n>;
+  using Quad = BasicQuad<n>;
+
  public:
   /// \param gate_factor factor of the occlusion gate at this level, kGateGrowth^(levels above the finest)
   /// \param background weight of the pixels of `current` when it has no plane of weights
   /// \param rows_of_current give the rows of the Jacobian by the gradients of the current image alone
-  Warper(const PyramidLevel& current, const Pose& T_current_reference, const Illumination& light, const WarpOptions& options,
-         float gate_factor, float background, bool rows_of_current = false)
+  BasicWarper(const PyramidLevel& current, const Pose& T_current_reference, const Illumination& light, const WarpOptions& options,
+              float gate_factor, float background, bool rows_of_current = false)
       : texture_(current.texture.data()),
         gamma_(current.gamma.view().data),
         gamma_row_(static_cast<float>(current.gamma.view().stride)),
@@ -111,10 +123,39 @@ class Warper {
     }
   }
 
+  /// The same with other lanes.
+  template <int m>
+  APSO_INLINE explicit BasicWarper(const BasicWarper<m>& o)
+      : texture_(o.texture_),
+        gamma_(o.gamma_),
+        gamma_row_(o.gamma_row_[0]),
+        width_(o.width_),
+        fx_(o.fx_[0]),
+        fy_(o.fy_[0]),
+        cx_(o.cx_[0]),
+        cy_(o.cy_[0]),
+        u_max_(o.u_max_[0]),
+        v_max_(o.v_max_[0]),
+        row_(o.row_[0]),
+        z_near_(o.z_near_[0]),
+        gate_(o.gate_[0]),
+        gate_relative_(o.gate_relative_[0]),
+        spread_(o.spread_[0]),
+        background_(o.background_[0]),
+        gain_(o.gain_[0]),
+        offset_(o.offset_[0]),
+        esm_(o.esm_),
+        rows_of_current_(o.rows_of_current_) {
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) R_[i][j] = o.R_[i][j][0];
+      t_[i] = o.t_[i][0];
+    }
+  }
+
   /// \param noise weighs the residuals
-  /// \param block of a PixelList; `at` < kBlock, a multiple of kLanes
+  /// \param block of a PixelList; `at` < kBlock, a multiple of n
   template <class Noise>
-  APSO_INLINE void warp(const Noise& noise, const float* block, int at, WarpedLanes& o) const {
+  APSO_INLINE void warp(const Noise& noise, const float* block, int at, BasicWarpedLanes<n>& o) const {
     using P = PixelList;
     const auto field = [&](P::Field f) { return Lanes::load(block + f * P::kBlock + at); };
     const Lanes zero = 0.0F;
@@ -209,6 +250,9 @@ class Warper {
   [[nodiscard]] bool rows_of_current() const { return rows_of_current_; }
 
  private:
+  template <int m>
+  friend class BasicWarper;
+
   static constexpr float kNear = 0.1F;           // warped points nearer than this are out of view [m]
   static constexpr float kGateRelative = 0.03F;  // gate as a share of the depth, where that is the larger
   static constexpr float kDepthSpread = 0.05F;   // largest relative difference of four depths that are interpolated
@@ -220,6 +264,22 @@ class Warper {
   Lanes R_[3][3], t_[3];
   Lanes fx_, fy_, cx_, cy_, u_max_, v_max_, row_, z_near_, gate_, gate_relative_, spread_, background_, gain_, offset_;
   bool esm_, rows_of_current_;
+};
+using Warper = BasicWarper<kLanes>;
+
+/// One warper for either number of lanes that the processor may have.
+class Warpers {
+ public:
+  Warpers(const Warper& warper) : narrow_(warper), wide_(warper) {}  // NOLINT: all that takes these takes a Warper as well
+  template <int n>
+  [[nodiscard]] APSO_INLINE const BasicWarper<n>& with() const {
+    if constexpr (n == kLanes) return narrow_;
+    else return wide_;
+  }
+
+ private:
+  Warper narrow_;
+  BasicWarper<kWideLanes> wide_;
 };
 
 APSO_NAMESPACE_END

@@ -7,56 +7,41 @@
 
 #include <apso/config.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/refinement/cost/noise_model.hpp>
 #include <apso/refinement/cost/residuals.hpp>
 #include <apso/refinement/cost/scale/term_scales.hpp>
 
 APSO_NAMESPACE_BEGIN
 
-/// What warping gives for up to kBlocks blocks of a PixelList.
+/// What warping gives for up to kBlocks blocks of a PixelList; one number for each pixel.
 struct WarpedPixels {
   static constexpr int kBlocks = 8;
-  static constexpr int kGroups = kBlocks * PixelList::kBlock / kLanes;
-  struct Group {
-    Lanes weight_intensity, weight_depth, lost;  ///< gamma, as in WarpedLanes
-    Lanes inverse_intensity, inverse_depth;      ///< 1 / variance
-    Lanes residual_intensity, residual_depth;
-    Lanes I[3];     ///< photometric row; the depth row is in the list
-    Lanes D[3];     ///< depth row of the current image, only if the warper gives it
-    Lanes current;  ///< I_c(u)
+  static constexpr int kPixels = PixelList::kBlock;  ///< of a block
+  static constexpr int kLine = 64;                   ///< bytes of a line of the cache: lanes that lie in two of them cost twice
+  struct alignas(kLine) Block {
+    float weight_intensity[kPixels], weight_depth[kPixels], lost[kPixels];  ///< gamma, as in WarpedLanes
+    float inverse_intensity[kPixels], inverse_depth[kPixels];               ///< 1 / variance
+    float residual_intensity[kPixels], residual_depth[kPixels];
+    float I[3][kPixels];     ///< photometric row; the depth row is in the list
+    float D[3][kPixels];     ///< depth row of the current image, only if the warper gives it
+    float current[kPixels];  ///< I_c(u)
   };
-  Group groups[kGroups];
-  Lanes s2[2 * kGroups];   ///< squared standardised residuals, of intensity and depth in turn; the kernel makes weights of them
-  Lanes rho[2 * kGroups];  ///< their costs
-};
-
-/// What became of the pixels of all blocks so far, as minus the number in each lane.
-struct WarpTally {
-  IntLanes valid{}, valid_depth{}, out_of_view{}, occluded{}, disoccluded{}, masked{};
-
-  [[nodiscard]] WarpCounts counts() const {
-    const auto total = [](const IntLanes& n) {
-      int sum = 0;
-      for (int i = 0; i < kLanes; ++i) sum -= n[i];  // masks are -1
-      return sum;
-    };
-    WarpCounts c;
-    c.valid = total(valid);
-    c.valid_depth = total(valid_depth);
-    c.out_of_view = total(out_of_view);
-    c.occluded = total(occluded);
-    c.disoccluded = total(disoccluded);
-    c.masked = total(masked);
-    return c;
-  }
+  struct alignas(kLine) Pair {
+    float intensity[kPixels], depth[kPixels];
+  };
+  Block blocks[kBlocks];
+  Pair s2[kBlocks];   ///< squared standardised residuals; the kernel makes weights of them
+  Pair rho[kBlocks];  ///< their costs
 };
 
 /// Factors on the squared residuals that the kernel is asked about.
 struct SquareFactors {
-  Lanes intensity = 1.0F, depth = 1.0F;
+  float intensity = 1, depth = 1;
   SquareFactors() = default;
   explicit SquareFactors(const TermScales& s)
-      : intensity(s.inner_weight() / (s.scale_intensity * s.scale_intensity)), depth(1.0 / (s.scale_depth * s.scale_depth)) {}
+      : intensity(static_cast<float>(s.inner_weight() / (s.scale_intensity * s.scale_intensity))),
+        depth(static_cast<float>(1.0 / (s.scale_depth * s.scale_depth))) {}
 };
 
 /// A noise model of any type, by reference, and the stage it is compiled into. Must not outlive it.
@@ -64,54 +49,60 @@ class NoiseRef {
  public:
   NoiseRef() = default;  ///< of nothing yet
   template <class Noise, class = std::enable_if_t<!std::is_same_v<Noise, NoiseRef>>>
-  explicit NoiseRef(const Noise& noise)
-      : noise_(&noise),
-        equations_([](const void* n, const Warper& w, const SquareFactors& f, const float* block, int blocks, WarpedPixels& out,
-                      WarpTally& tally) { run<true>(*static_cast<const Noise*>(n), w, f, block, blocks, out, tally); }),
-        cost_([](const void* n, const Warper& w, const SquareFactors& f, const float* block, int blocks, WarpedPixels& out,
-                 WarpTally& tally) { run<false>(*static_cast<const Noise*>(n), w, f, block, blocks, out, tally); }) {
+  explicit NoiseRef(const Noise& noise) : noise_(&noise), equations_(&stage<true, Noise>), cost_(&stage<false, Noise>) {
     check_noise_model<Noise>();
   }
 
   /// \param block the first of `blocks` <= WarpedPixels::kBlocks blocks one behind the other
-  void operator()(const Warper& w, const SquareFactors& f, const float* block, int blocks, WarpedPixels& out, WarpTally& tally) const {
-    equations_(noise_, w, f, block, blocks, out, tally);
+  /// \param counts gets what became of the pixels added, but for `selected`
+  void operator()(const Warpers& w, const SquareFactors& f, const float* block, int blocks, WarpedPixels& out, WarpCounts& counts) const {
+    equations_(noise_, w, f, block, blocks, out, counts);
   }
   /// Only what a cost is made of: s2, weights and lost.
-  void cost(const Warper& w, const SquareFactors& f, const float* block, int blocks, WarpedPixels& out, WarpTally& tally) const {
-    cost_(noise_, w, f, block, blocks, out, tally);
+  void cost(const Warpers& w, const SquareFactors& f, const float* block, int blocks, WarpedPixels& out, WarpCounts& counts) const {
+    cost_(noise_, w, f, block, blocks, out, counts);
   }
 
  private:
-  using Stage = void (*)(const void*, const Warper&, const SquareFactors&, const float*, int, WarpedPixels&, WarpTally&);
+  using Stage = void (*)(const void*, const Warpers&, const SquareFactors&, const float*, int, WarpedPixels&, WarpCounts&);
 
   template <bool kEquations, class Noise>
-  APSO_FLATTEN static void run(const Noise& noise, const Warper& warper, const SquareFactors& factors, const float* block, int blocks,
-                               WarpedPixels& out, WarpTally& tally) {
-    IntLanes valid{}, valid_depth{}, out_of_view{}, occluded{}, disoccluded{}, masked{};
-    WarpedPixels::Group* to = out.groups;
-    Lanes* s2 = out.s2;
-    for (const float* end = block + blocks * PixelList::kFields * PixelList::kBlock; block != end;
-         block += PixelList::kFields * PixelList::kBlock) {
+  static void stage(const void* noise, const Warpers& warper, const SquareFactors& factors, const float* block, int blocks,
+                    WarpedPixels& out, WarpCounts& counts) {
+    in_widest_lanes([&, noise, block, blocks](auto lanes) {
+      run<kEquations, lanes>(*static_cast<const Noise*>(noise), warper.with<lanes>(), factors, block, blocks, out, counts);
+    });
+  }
+
+  template <bool kEquations, int n, class Noise>
+  APSO_INLINE static void run(const Noise& noise, const BasicWarper<n>& warper, const SquareFactors& factors, const float* block,
+                              int blocks, WarpedPixels& out, WarpCounts& counts) {
+    using L = BasicLanes<n>;
+    const L factor_intensity = factors.intensity;
+    const L factor_depth = factors.depth;
+    BasicIntLanes<n> valid{}, valid_depth{}, out_of_view{}, occluded{}, disoccluded{}, masked{};
+    for (int b = 0; b < blocks; ++b, block += PixelList::kFields * PixelList::kBlock) {
       PixelList::prefetch(block);
-      for (int at = 0; at < PixelList::kBlock; at += kLanes, ++to, s2 += 2) {
-        WarpedLanes o;
+      WarpedPixels::Block& to = out.blocks[b];
+      WarpedPixels::Pair& s2 = out.s2[b];
+      for (int at = 0; at < PixelList::kBlock; at += n) {
+        BasicWarpedLanes<n> o;
         warper.warp(noise, block, at, o);
-        s2[0] = o.residual_intensity * o.residual_intensity * o.inverse_intensity * factors.intensity;
-        s2[1] = o.residual_depth * o.residual_depth * o.inverse_depth * factors.depth;
-        to->weight_intensity = o.weight_intensity;
-        to->weight_depth = o.weight_depth;
-        to->lost = o.lost;
+        (o.residual_intensity * o.residual_intensity * o.inverse_intensity * factor_intensity).store(s2.intensity + at);
+        (o.residual_depth * o.residual_depth * o.inverse_depth * factor_depth).store(s2.depth + at);
+        o.weight_intensity.store(to.weight_intensity + at);
+        o.weight_depth.store(to.weight_depth + at);
+        o.lost.store(to.lost + at);
         if constexpr (kEquations) {
-          to->inverse_intensity = o.inverse_intensity;
-          to->inverse_depth = o.inverse_depth;
-          to->residual_intensity = o.residual_intensity;
-          to->residual_depth = o.residual_depth;
-          for (int i = 0; i < 3; ++i) to->I[i] = o.I[i];
+          o.inverse_intensity.store(to.inverse_intensity + at);
+          o.inverse_depth.store(to.inverse_depth + at);
+          o.residual_intensity.store(to.residual_intensity + at);
+          o.residual_depth.store(to.residual_depth + at);
+          for (int i = 0; i < 3; ++i) o.I[i].store(to.I[i] + at);
           if (warper.rows_of_current()) {
-            for (int i = 0; i < 3; ++i) to->D[i] = o.D[i];
+            for (int i = 0; i < 3; ++i) o.D[i].store(to.D[i] + at);
           }
-          to->current = o.current;
+          o.current.store(to.current + at);
         }
         valid = valid + o.valid;
         valid_depth = valid_depth + o.valid_depth;
@@ -121,12 +112,17 @@ class NoiseRef {
         masked = masked + o.masked;
       }
     }
-    tally.valid = tally.valid + valid;
-    tally.valid_depth = tally.valid_depth + valid_depth;
-    tally.out_of_view = tally.out_of_view + out_of_view;
-    tally.occluded = tally.occluded + occluded;
-    tally.disoccluded = tally.disoccluded + disoccluded;
-    tally.masked = tally.masked + masked;
+    const auto total = [](const BasicIntLanes<n>& masks) {
+      int sum = 0;
+      for (int i = 0; i < n; ++i) sum -= masks[i];  // each is -1
+      return sum;
+    };
+    counts.valid += total(valid);
+    counts.valid_depth += total(valid_depth);
+    counts.out_of_view += total(out_of_view);
+    counts.occluded += total(occluded);
+    counts.disoccluded += total(disoccluded);
+    counts.masked += total(masked);
   }
 
   const void* noise_ = nullptr;

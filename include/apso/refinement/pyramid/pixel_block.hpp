@@ -7,6 +7,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/lanes/lane_functions.hpp>
+#include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/plane.hpp>

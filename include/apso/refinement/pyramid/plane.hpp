@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
 #include <apso/types/image_view.hpp>
 

@@ -11,6 +11,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/lanes/lane_functions.hpp>
+#include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>

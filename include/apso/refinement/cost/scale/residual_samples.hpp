@@ -81,7 +81,7 @@ class ResidualSamples {
   std::vector<float> joint_intensity, joint_depth;  ///< of the pixels with residuals of both kinds; only if asked for
 
   /// Takes about `most` pixels of the list.
-  void take(const PixelList& list, const Warper& warper, const NoiseRef& noise, int most, bool joint, const ExecutorRef& executor) {
+  void take(const PixelList& list, const Warpers& warper, const NoiseRef& noise, int most, bool joint, const ExecutorRef& executor) {
     const int blocks = list.blocks();
     const int n = std::min(blocks, std::max(1, most / PixelList::kBlock));
     // each share of the work has room for all its pixels and one more
@@ -93,7 +93,7 @@ class ResidualSamples {
     std::size_t with_intensity[kShares], with_depth[kShares], with_both[kShares];
     executor(kShares, [&](int share) {
       WarpedPixels pixels;
-      WarpTally tally;
+      WarpCounts counts;
       std::size_t a = room(share);
       std::size_t b = a;
       std::size_t c = a;
@@ -103,27 +103,28 @@ class ResidualSamples {
         while (list.tiles[k].end <= at_block) ++k;
         const float surface = list.tiles[k].depth * list.tiles[k].depth;
         const float* block = list.block(at_block);
-        noise(warper, {}, block, 1, pixels, tally);
+        noise(warper, {}, block, 1, pixels, counts);
+        const WarpedPixels::Block& o = pixels.blocks[0];
         for (int at = 0; at < PixelList::kBlock; at += kLanes) {
-          const WarpedPixels::Group& o = pixels.groups[at / kLanes];
-          const Lanes inverse_intensity = sqrt(o.inverse_intensity);
-          const Lanes r_intensity = o.residual_intensity * inverse_intensity;
-          const Lanes r_depth = o.residual_depth * sqrt(o.inverse_depth);
+          const auto get = [at](const float(&of)[PixelList::kBlock]) { return Lanes::load(of + at); };
+          const Lanes inverse_intensity = sqrt(get(o.inverse_intensity));
+          const Lanes r_intensity = get(o.residual_intensity) * inverse_intensity;
+          const Lanes r_depth = get(o.residual_depth) * sqrt(get(o.inverse_depth));
           for (int j = 0; j < kLanes; ++j) {  // each is written, and overwritten by the next unless it counts
             intensity.residuals[a] = r_intensity[j];
             intensity.surface[a] = surface;
             pairs.reference[a] = block[PixelList::kIntensity * PixelList::kBlock + at + j];
-            pairs.current[a] = o.current[j];
+            pairs.current[a] = o.current[at + j];
             pairs.inverse_sigma[a] = inverse_intensity[j];
             depth.residuals[b] = r_depth[j];
             depth.surface[b] = surface;
-            a += o.weight_intensity[j] > 0 ? 1 : 0;
-            b += o.weight_depth[j] > 0 ? 1 : 0;
+            a += o.weight_intensity[at + j] > 0 ? 1 : 0;
+            b += o.weight_depth[at + j] > 0 ? 1 : 0;
           }
           for (int j = 0; joint && j < kLanes; ++j) {
             joint_intensity[c] = r_intensity[j];
             joint_depth[c] = r_depth[j];
-            c += o.weight_intensity[j] > 0 && o.weight_depth[j] > 0 ? 1 : 0;
+            c += o.weight_intensity[at + j] > 0 && o.weight_depth[at + j] > 0 ? 1 : 0;
           }
         }
       }
@@ -190,9 +191,8 @@ class AdaptiveAlpha {
   /// \return alpha in [-10,2]; 0 without residuals
   [[nodiscard]] double operator()(const std::vector<float>& s, double c) {
     if (s.empty()) return 0;
-    const std::size_t groups = (s.size() + kLanes - 1) / kLanes;
     const auto largest = static_cast<float>(100 * c * c);
-    squares_.assign(groups * kLanes, 0.0F);
+    squares_.assign((s.size() + kAtOnce - 1) / kAtOnce * kAtOnce, 0.0F);
     for (std::size_t i = 0; i < s.size(); ++i) squares_[i] = std::min(s[i] * s[i], largest);
     for (int i = 0; i <= 500; ++i) densities_[i] = static_cast<float>(c * c * i * i / 2500);  // s from 0 to 10 c
     double best = 0;
@@ -212,17 +212,17 @@ class AdaptiveAlpha {
   }
 
  private:
-  // f(i, rho of s2[i]); s2 has room for whole lanes.
+  static constexpr int kAtOnce = 128;
+
+  // f(i, rho of s2[i]); s2 has room for a multiple of kAtOnce.
   template <class F>
   static void each_rho(const RobustKernel& kernel, const float* s2, int n, F&& f) {
-    constexpr int kAtOnce = 16;
     const KernelRef loop(kernel);
-    Lanes square[kAtOnce], rho[kAtOnce];
-    for (int i = 0; i < n; i += kAtOnce * kLanes) {
-      const int lanes = std::min(kAtOnce, (n - i + kLanes - 1) / kLanes);
-      for (int k = 0; k < lanes; ++k) square[k] = Lanes::load(s2 + i + k * kLanes);
-      loop(square, rho, lanes);
-      for (int k = i; k < std::min(n, i + lanes * kLanes); ++k) f(k, static_cast<double>(rho[(k - i) / kLanes][(k - i) % kLanes]));
+    float square[kAtOnce], rho[kAtOnce];
+    for (int i = 0; i < n; i += kAtOnce) {
+      std::copy_n(s2 + i, kAtOnce, square);
+      loop(square, rho, kAtOnce);
+      for (int k = i; k < std::min(n, i + kAtOnce); ++k) f(k, static_cast<double>(rho[k - i]));
     }
   }
 

@@ -1,0 +1,55 @@
+/// \file
+/// Loops in as many lanes as the processor has that the program runs on, not as the one that it is compiled for.
+///
+/// Distributions compile for any x86-64, with four lanes; nearly every processor since 2013 has AVX2, with eight. GCC and Clang compile
+/// such a loop for both, and which one runs is found out at run time. Both give the same bits: AVX2 does not come with fused
+/// multiplication, and sums are added in the order of kLanes. APSO_NO_WIDE_LANES leaves the second one out.
+#pragma once
+
+#include <type_traits>
+
+#include <apso/config.hpp>
+#include <apso/math/lanes/lanes.hpp>
+
+// With inlining switched off (-O0) each operation of the wide lanes would be a function that is compiled for narrow ones.
+#if defined(__GNUC__) && defined(__x86_64__) && !defined(__AVX__) && !defined(__NO_INLINE__) && !defined(APSO_NO_WIDE_LANES)
+#define APSO_HAS_WIDE_LANES 1
+#endif
+
+APSO_NAMESPACE_BEGIN
+
+#if defined(APSO_HAS_WIDE_LANES)
+inline constexpr int kWideLanes = 8;
+/// Whether the processor that this runs on has kWideLanes.
+[[nodiscard]] inline bool has_wide_lanes() { return __builtin_cpu_supports("avx2"); }
+#else
+inline constexpr int kWideLanes = kLanes;
+[[nodiscard]] inline bool has_wide_lanes() { return false; }
+#endif
+
+namespace detail {
+// By value: what f holds is their own, so that no store of the loop can change it.
+template <class F>
+APSO_FLATTEN void in_lanes(F f) {
+  f(std::integral_constant<int, kLanes>{});
+}
+#if defined(APSO_HAS_WIDE_LANES)
+template <class F>
+__attribute__((target("avx2"), flatten)) void in_wide_lanes(F f) {
+  f(std::integral_constant<int, kWideLanes>{});
+}
+#endif
+}  // namespace detail
+
+/// Calls f(n) with the number of lanes as a compile-time constant. All that f calls becomes part of it; what cannot be, like a function
+/// that is not inline, is compiled for kLanes.
+template <class F>
+APSO_INLINE void in_widest_lanes(const F& f) {
+#if defined(APSO_HAS_WIDE_LANES)
+  if (has_wide_lanes()) return detail::in_wide_lanes(f);
+#endif
+  detail::in_lanes(f);
+}
+#undef APSO_HAS_WIDE_LANES
+
+APSO_NAMESPACE_END
