@@ -8,7 +8,7 @@
 
 // [kernel]
 // C of the paper's eq. (15): a kernel that is quadratic up to k and lets go of what is further off than 3 k.
-// T is a double, or several floats at once (apso::Lanes): functions by their names, and select() where a formula branches.
+// T is a double, or several floats at once (apso::BasicLanes<n>): functions by their names, and select() where a formula branches.
 struct Hampel {
   double k = 2;
 

@@ -1,5 +1,5 @@
 // expect: apso: a kernel needs `template <class T> T rho(const T& s2) const`, the cost of the squared residual s2, for T = double and
-// apso::Lanes
+// apso::BasicLanes<n>
 #include <apso/refinement/aligner.hpp>
 
 struct Lorentz {

@@ -1,5 +1,5 @@
 // expect: apso: a noise model needs `template <class T> T squared_weight_depth(const apso::NoiseInput<T>&) const`, 1 / variance of the
-// depth residual [1/m^2], for T = apso::Lanes
+// depth residual [1/m^2], for T = apso::BasicLanes<n>
 #include <apso/refinement/aligner.hpp>
 
 struct Constant {

@@ -2,7 +2,7 @@
 /// Robust kernels: rho(s) for the cost and w(s) = rho'(s)/s for iteratively reweighted least squares, where s is a
 /// residual divided by its standard deviation. The paper's eq. (15) calls the kernel C and leaves it open; Cauchy is the default.
 ///
-/// A kernel is one small struct with two functions of the squared residual s^2, written once for a number and for Lanes:
+/// A kernel is one small struct with two functions of the squared residual s^2, written once for a number and for several, BasicLanes<n>:
 ///
 /// \code
 /// struct Lorentz {
@@ -12,8 +12,9 @@
 /// };
 /// \endcode
 ///
-/// `min`, `max`, `abs`, `sqrt`, `exp`, `expm1`, `log`, `log1p` exist for Lanes by these names (math/lanes/lanes.hpp, lane_functions.hpp);
-/// where a formula branches, `select(condition, a, b)` takes the place of `?:`. BasicDirectAligner takes such a struct.
+/// `min`, `max`, `abs`, `sqrt`, `exp`, `expm1`, `log`, `log1p` exist for these by the same names (math/lanes/lanes.hpp,
+/// lane_functions.hpp); where a formula branches, `select(condition, a, b)` takes the place of `?:`. BasicDirectAligner takes such a
+/// struct.
 ///
 /// The default constants give 95 % efficiency for Gaussian residuals. Sources: Holland & Welsch 1977 (constants),
 /// Barron, "A General and Adaptive Robust Loss Function", CVPR 2019; Chebrolu et al., RA-L 2021 (choice of alpha).

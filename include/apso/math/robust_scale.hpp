@@ -15,6 +15,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -30,12 +31,47 @@ template <class T>
   return *middle;
 }
 
+namespace detail {
+/// How many values are below the bound.
+[[nodiscard]] inline std::int32_t count_below(const std::vector<float>& values, float bound) {
+  return in_widest_lanes([&values, bound](auto lanes) {
+    constexpr std::size_t kStep = lanes;
+    const std::size_t whole = values.size() - values.size() % kStep;
+    BasicIntLanes<lanes> count{};
+    for (std::size_t i = 0; i < whole; i += kStep) {
+      count = count - (BasicLanes<lanes>::load(values.data() + i) < BasicLanes<lanes>(bound));
+    }
+    std::int32_t below = 0;
+    for (int k = 0; k < lanes; ++k) below += count[k];
+    for (std::size_t i = whole; i < values.size(); ++i) below += values[i] < bound ? 1 : 0;
+    return below;
+  });
+}
+/// The smallest value that is not below the bound.
+[[nodiscard]] inline float least_from(const std::vector<float>& values, float bound) {
+  return in_widest_lanes([&values, bound](auto lanes) {
+    using L = BasicLanes<lanes>;
+    constexpr float kInfinity = std::numeric_limits<float>::infinity();
+    constexpr std::size_t kStep = lanes;
+    const std::size_t whole = values.size() - values.size() % kStep;
+    L each = kInfinity;
+    for (std::size_t i = 0; i < whole; i += kStep) {
+      const L v = L::load(values.data() + i);
+      each = min(select(v < L(bound), kInfinity, v), each);
+    }
+    float least = kInfinity;
+    for (int k = 0; k < lanes; ++k) least = std::min(least, each[k]);
+    for (std::size_t i = whole; i < values.size(); ++i) least = values[i] < bound ? least : std::min(least, values[i]);
+    return least;
+  });
+}
+}  // namespace detail
+
 /// The same for floats without NaN, found by halving the range of bit patterns that holds it: a few vectorised counts are
 /// several times faster than partitioning. Leaves the values as they are.
 [[nodiscard]] inline float upper_median(std::vector<float>& values) {
   if (values.empty()) return 0;
   const std::size_t n = values.size();
-  const std::size_t whole = n - n % kLanes;
   const auto middle = static_cast<std::int32_t>(n / 2);
   // bit patterns as integers in the order of the floats; the mapping is its own inverse
   const auto ordered = [](std::int32_t pattern) { return pattern < 0 ? pattern ^ 0x7FFFFFFF : pattern; };
@@ -50,31 +86,13 @@ template <class T>
     std::memcpy(&v, &pattern, sizeof v);
     return v;
   };
-  // the smallest value that is not below the bound
-  const auto least_from = [&](float bound) {
-    constexpr float kInfinity = std::numeric_limits<float>::infinity();
-    Lanes lanes = kInfinity;
-    for (std::size_t i = 0; i < whole; i += kLanes) {
-      const Lanes v = Lanes::load(values.data() + i);
-      lanes = min(select(v < Lanes(bound), kInfinity, v), lanes);
-    }
-    float least = kInfinity;
-    for (int k = 0; k < kLanes; ++k) least = std::min(least, lanes[k]);
-    for (std::size_t i = whole; i < n; ++i) least = values[i] < bound ? least : std::min(least, values[i]);
-    return least;
-  };
   std::int64_t low = key(-std::numeric_limits<float>::infinity());
   std::int64_t high = key(std::numeric_limits<float>::infinity()) + 1;
   std::int32_t below_low = 0;                              // values below low, at most `middle`
   std::int32_t below_high = static_cast<std::int32_t>(n);  // values below high, more than that
   while (high - low > 1 && below_high - below_low > 1) {
     const std::int64_t half = low + (high - low) / 2;
-    const float pivot = value(half);
-    IntLanes count{};
-    for (std::size_t i = 0; i < whole; i += kLanes) count = count - (Lanes::load(values.data() + i) < Lanes(pivot));
-    std::int32_t below = 0;
-    for (int k = 0; k < kLanes; ++k) below += count[k];
-    for (std::size_t i = whole; i < n; ++i) below += values[i] < pivot ? 1 : 0;
+    const std::int32_t below = detail::count_below(values, value(half));
     if (below <= middle) {
       low = half;
       below_low = below;
@@ -83,7 +101,7 @@ template <class T>
       below_high = below;
     }
   }
-  return least_from(value(low));
+  return detail::least_from(values, value(low));
 }
 
 /// 1.4826 median |r - median r|: the standard deviation of Gaussian residuals, blind to up to half of outliers.

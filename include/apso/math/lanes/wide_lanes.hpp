@@ -30,26 +30,34 @@ inline constexpr int kWideLanes = kLanes;
 namespace detail {
 // By value: what f holds is their own, so that no store of the loop can change it.
 template <class F>
-APSO_FLATTEN void in_lanes(F f) {
-  f(std::integral_constant<int, kLanes>{});
+APSO_FLATTEN auto in_lanes(F f) {
+  return f(std::integral_constant<int, kLanes>{});
 }
 #if defined(APSO_HAS_WIDE_LANES)
 template <class F>
-__attribute__((target("avx2"), flatten)) void in_wide_lanes(F f) {
-  f(std::integral_constant<int, kWideLanes>{});
+__attribute__((target("avx2"), flatten)) auto in_wide_lanes(F f) {
+  return f(std::integral_constant<int, kWideLanes>{});
 }
 #endif
 }  // namespace detail
 
-/// Calls f(n) with the number of lanes as a compile-time constant. All that f calls becomes part of it; what cannot be, like a function
-/// that is not inline, is compiled for kLanes.
+/// Calls f(n), and returns what it returns, with the number of lanes as a compile-time constant. All that f calls becomes part of it; what
+/// cannot be, like a function that is not inline, is compiled for kLanes.
 template <class F>
-APSO_INLINE void in_widest_lanes(const F& f) {
+APSO_INLINE auto in_widest_lanes(const F& f) {
 #if defined(APSO_HAS_WIDE_LANES)
   if (has_wide_lanes()) return detail::in_wide_lanes(f);
 #endif
-  detail::in_lanes(f);
+  return detail::in_lanes(f);
 }
 #undef APSO_HAS_WIDE_LANES
+
+/// sum += v, kLanes at a time: in the same order with wide lanes and without.
+template <int n>
+APSO_INLINE void add(Lanes& sum, const BasicLanes<n>& v) {
+  static_assert(n <= 2 * kLanes);
+  sum += v.template part<kLanes, 0>();
+  if constexpr (n == 2 * kLanes) sum += v.template part<kLanes, 1>();
+}
 
 APSO_NAMESPACE_END

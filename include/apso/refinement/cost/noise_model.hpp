@@ -2,7 +2,7 @@
 /// How noisy a photometric and a depth residual are: the pixel-specific weights w_I^p and w_D^p of the paper's eq. (15), which
 /// leaves them open.
 ///
-/// A noise model is a struct with two functions, written once for a number and for Lanes:
+/// A noise model is a struct with two functions, written once for a number and for several, BasicLanes<n>:
 ///
 /// \code
 /// struct ConstantNoise {
@@ -23,6 +23,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/options.hpp>
 #include <apso/types/frame.hpp>
 
@@ -113,12 +114,13 @@ struct has_squared_weight_depth<N, T,
 /// Says at compile time what a type lacks to be a noise model.
 template <class N>
 constexpr void check_noise_model() {
-  static_assert(detail::has_squared_weight_intensity<N, Lanes>::value,
+  using Wide = BasicLanes<kWideLanes>;
+  static_assert(detail::has_squared_weight_intensity<N, Lanes>::value && detail::has_squared_weight_intensity<N, Wide>::value,
                 "apso: a noise model needs `template <class T> T squared_weight_intensity(const apso::NoiseInput<T>&) const`, 1 / variance "
-                "of the photometric residual, for T = apso::Lanes");
-  static_assert(detail::has_squared_weight_depth<N, Lanes>::value,
+                "of the photometric residual, for T = apso::BasicLanes<n>");
+  static_assert(detail::has_squared_weight_depth<N, Lanes>::value && detail::has_squared_weight_depth<N, Wide>::value,
                 "apso: a noise model needs `template <class T> T squared_weight_depth(const apso::NoiseInput<T>&) const`, 1 / variance "
-                "of the depth residual [1/m^2], for T = apso::Lanes");
+                "of the depth residual [1/m^2], for T = apso::BasicLanes<n>");
 }
 
 APSO_NAMESPACE_END

@@ -93,14 +93,6 @@ class TileSummer {
     }
   };
 
-  // Adds n lanes, kLanes at a time.
-  template <int n>
-  static APSO_INLINE void add(Lanes& sum, const BasicLanes<n>& v) {
-    sum += v.template part<kLanes, 0>();
-    if constexpr (n == 2 * kLanes) sum += v.template part<kLanes, 1>();
-    static_assert(n <= 2 * kLanes);
-  }
-
   void take_cost(const Sums& s, const PixelList::Tile& tile, TileSums& out) {
     out.cost = s.cost.sum();
     out.weight = s.weight.sum();

@@ -7,6 +7,7 @@
 
 #include <apso/config.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/refinement/pyramid/plane.hpp>
 #include <apso/refinement/pyramid/pyramid_options.hpp>
 #include <apso/traits/any.hpp>
@@ -19,34 +20,37 @@ APSO_NAMESPACE_BEGIN
 /// \return how many intensities are not finite
 template <class Rows>
 float read_first_level(const AnyFrame& frame, const DepthRange& range, Rows& intensity, Rows& depth, int y0, int y1) {
-  const int w = frame.intensity().width();
-  const Lanes lowest = std::max(range.min, 1e-6F);
-  const Lanes highest = range.max;
-  // The row where it lies, if whole lanes can be read there; else its copy in `room`.
-  const auto read = [w](const AnyImage& image, int y, float* room) -> const float* {
-    const float* row = image.row_in_place(y);
-    if (row != nullptr && w % kLanes == 0) return row;
-    if (row != nullptr) std::copy(row, row + w, room);
-    else image.read_row(y, room, 1);
-    return room;
-  };
-  Lanes bad = 0.0F;
-  for (int y = y0; y < y1; ++y) {
-    float* i = intensity.row(y);
-    float* z = depth.row(y);
-    const float* from_i = read(frame.intensity(), y, i);
-    const float* from_z = read(frame.depth(), y, z);
-    std::fill(i + w, i + w + Plane::kPad, 0.0F);
-    for (int x = 0; x < w; x += kLanes) {
-      const Lanes metres = Lanes::load(from_z + x);
-      select((metres >= lowest) & (metres <= highest), metres, 0.0F).store(z + x);
-      const Lanes grey = Lanes::load(from_i + x);
-      const Mask ok = abs(grey) <= Lanes(1e6F);  // false for NaN and inf
-      bad += select(ok, 0.0F, 1.0F);
-      select(ok, grey, 0.0F).store(i + x);
+  return in_widest_lanes([&](auto lanes) {
+    using L = BasicLanes<lanes>;
+    const int w = frame.intensity().width();
+    const L lowest = std::max(range.min, 1e-6F);
+    const L highest = range.max;
+    // The row where it lies, if whole lanes can be read there; else its copy in `room`.
+    const auto read = [w, lanes](const AnyImage& image, int y, float* room) -> const float* {
+      const float* row = image.row_in_place(y);
+      if (row != nullptr && w % lanes == 0) return row;
+      if (row != nullptr) std::copy(row, row + w, room);
+      else image.read_row(y, room, 1);
+      return room;
+    };
+    L bad = 0.0F;
+    for (int y = y0; y < y1; ++y) {
+      float* i = intensity.row(y);
+      float* z = depth.row(y);
+      const float* from_i = read(frame.intensity(), y, i);
+      const float* from_z = read(frame.depth(), y, z);
+      std::fill(i + w, i + w + Plane::kPad, 0.0F);
+      for (int x = 0; x < w; x += lanes) {
+        const L metres = L::load(from_z + x);
+        select((metres >= lowest) & (metres <= highest), metres, 0.0F).store(z + x);
+        const L grey = L::load(from_i + x);
+        const auto ok = abs(grey) <= L(1e6F);  // false for NaN and inf
+        bad += select(ok, 0.0F, 1.0F);
+        select(ok, grey, 0.0F).store(i + x);
+      }
     }
-  }
-  return bad.sum();
+    return bad.sum();
+  });
 }
 
 /// Rows [y0, y1) of the second level straight from the images: each row is read while it is in the cache, and the first level, three
@@ -73,35 +77,38 @@ inline float read_second_level(const AnyFrame& frame, const DepthRange& range, R
 /// \return how many pixels weigh less than static ones
 inline float weigh_first_level(const AnyFrame& frame, const AnyImage& probability, float gamma_potential, bool broken, Plane& gamma,
                                Plane& depth, float* scratch, int y0, int y1) {
-  const int w = frame.intensity().width();
-  const Lanes background = kGammaStatic;
-  Lanes less = 0.0F;
-  for (int y = y0; y < y1; ++y) {
-    float* g = gamma.row(y);
-    float* z = depth.row(y);
-    if (probability.empty()) {
-      std::fill(g, g + w, -1.0F);
-    } else {
-      probability.read_row(y, g, 1);
+  return in_widest_lanes([&](auto lanes) {
+    using L = BasicLanes<lanes>;
+    const int w = frame.intensity().width();
+    const L background = kGammaStatic;
+    L less = 0.0F;
+    for (int y = y0; y < y1; ++y) {
+      float* g = gamma.row(y);
+      float* z = depth.row(y);
+      if (probability.empty()) {
+        std::fill(g, g + w, -1.0F);
+      } else {
+        probability.read_row(y, g, 1);
+      }
+      std::fill(g + w, g + w + Plane::kPad, -1.0F);  // as certainly static
+      for (int x = 0; x < w; x += lanes) {
+        const L v = L::load(g + x);
+        // NaN fails both comparisons and counts as dynamic
+        const L weight =
+            select(v < L(kPotentialProbability), background, select(v < L(kConfirmedProbability), L(gamma_potential), L(kGammaDynamic)));
+        less += select(weight < background, 1.0F, 0.0F);
+        weight.store(g + x);
+        // nor does the depth of what is masked
+        select(weight > L(0.0F), L::load(z + x), 0.0F).store(z + x);
+      }
+      if (!broken) continue;
+      frame.intensity().read_row(y, scratch, 1);
+      for (int x = 0; x < w; ++x) {
+        if (!(std::abs(scratch[x]) <= 1e6F)) g[x] = z[x] = 0.0F;
+      }
     }
-    std::fill(g + w, g + w + Plane::kPad, -1.0F);  // as certainly static
-    for (int x = 0; x < w; x += kLanes) {
-      const Lanes v = Lanes::load(g + x);
-      // NaN fails both comparisons and counts as dynamic
-      const Lanes weight = select(v < Lanes(kPotentialProbability), background,
-                                  select(v < Lanes(kConfirmedProbability), Lanes(gamma_potential), Lanes(kGammaDynamic)));
-      less += select(weight < background, 1.0F, 0.0F);
-      weight.store(g + x);
-      // nor does the depth of what is masked
-      select(weight > Lanes(0.0F), Lanes::load(z + x), 0.0F).store(z + x);
-    }
-    if (!broken) continue;
-    frame.intensity().read_row(y, scratch, 1);
-    for (int x = 0; x < w; ++x) {
-      if (!(std::abs(scratch[x]) <= 1e6F)) g[x] = z[x] = 0.0F;
-    }
-  }
-  return less.sum();
+    return less.sum();
+  });
 }
 
 APSO_NAMESPACE_END

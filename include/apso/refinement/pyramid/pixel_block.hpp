@@ -9,6 +9,7 @@
 #include <apso/math/lanes/lane_functions.hpp>
 #include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/plane.hpp>
 #include <apso/types/frame.hpp>
@@ -17,6 +18,7 @@ APSO_NAMESPACE_BEGIN
 
 /// The images of a level and its camera, as a block of pixels is filled from them.
 struct BlockSource {
+  static constexpr int kReach = 2;  ///< neighbours of a pixel are looked at that far away [px]
   const Plane& intensity;
   const Plane& depth;
   const Plane& gamma;  ///< or empty: all weights are 1
@@ -24,15 +26,17 @@ struct BlockSource {
   float edge;  ///< depth gradient that is an edge, as a share of the depth [1/px]
 };
 
-/// What is read of kLanes pixels and of their neighbours to the left, right, up and down.
+/// What is read of n pixels and of their neighbours to the left, right, up and down.
+template <int n>
 struct PixelSurroundings {
+  using Lanes = BasicLanes<n>;
+  using IntLanes = BasicIntLanes<n>;
   enum Quantity { kU, kV, kI, kIl, kIr, kIu, kId, kZ, kZl, kZr, kZu, kZd, kTwoAway, kGamma, kQuantities };
-  static constexpr int kReach = 2;  ///< neighbours are looked at that far away [px]
-  Lanes of[kQuantities];            ///< kTwoAway: the least depth two pixels away
+  Lanes of[kQuantities];  ///< kTwoAway: the least depth two pixels away
   const Lanes& operator[](Quantity q) const { return of[q]; }
 
   /// Of pixels side by side, the first of which is (x, y).
-  void load(const BlockSource& in, int x, int y) {
+  APSO_INLINE void load(const BlockSource& in, int x, int y) {
     const auto intensity = [&](int dx, int dy) { return Lanes::load(in.intensity.row(y + dy) + x + dx); };
     const auto depth = [&](int dx, int dy) { return Lanes::load(in.depth.row(y + dy) + x + dx); };
     of[kU] = Lanes::load(kSteps) + static_cast<float>(x);
@@ -50,27 +54,28 @@ struct PixelSurroundings {
     of[kTwoAway] = min(min(depth(-2, 0), depth(2, 0)), min(depth(0, -2), depth(0, 2)));
     of[kGamma] = in.gamma.empty() ? Lanes(1.0F) : Lanes::load(in.gamma.row(y) + x);
   }
-  /// Of n <= kLanes pixels anywhere, y << 16 | x each; the other lanes become 0. Reads kLanes of them.
-  void gather(const BlockSource& in, const int* found, int n) {
-    const Mask used = Lanes::load(kSteps) < Lanes(static_cast<float>(n));
+  /// Of `count` <= n pixels anywhere, y << 16 | x each; the other lanes become 0. Reads n of them.
+  APSO_INLINE void gather(const BlockSource& in, const int* found, int count) {
+    const IntLanes used = Lanes::load(kSteps) < Lanes(static_cast<float>(count));
     IntLanes at;
     std::memcpy(&at.v, found, sizeof at.v);
-    at = (at & used) | (all_lanes(kReach << 16 | kReach) & !used);  // any pixel that has all neighbours
-    of[kU] = to_float(at & all_lanes(0xFFFF));
+    at = (at & used) | (all_lanes<n>(BlockSource::kReach << 16 | BlockSource::kReach) & !used);  // any pixel that has all neighbours
+    of[kU] = to_float(at & all_lanes<n>(0xFFFF));
     of[kV] = to_float(upper_halves(at));
     const auto stride = static_cast<int>(in.depth.row(1) - in.depth.row(0));  // all planes are of one size
+    constexpr int kReach = BlockSource::kReach;
     // of the pixel two to the left of and two above each
     const IntLanes corner =
         to_int(of[kV] * Lanes(static_cast<float>(stride)) + of[kU] - Lanes(static_cast<float>(kReach * stride + kReach)));
     const float* I = in.intensity.row(kReach) + kReach;
     const float* Z = in.depth.row(kReach) + kReach;
-    const Quad i = load_quads(I - 1, corner);
+    const BasicQuad<n> i = load_quads(I - 1, corner);
     of[kIl] = i.c[0];
     of[kI] = i.c[1];
     of[kIr] = i.c[2];
     of[kIu] = load_quads(I - stride, corner).c[0];
     of[kId] = load_quads(I + stride, corner).c[0];
-    const Quad z = load_quads(Z - 1, corner);
+    const BasicQuad<n> z = load_quads(Z - 1, corner);
     of[kZl] = z.c[0];
     of[kZ] = z.c[1];
     of[kZr] = z.c[2];
@@ -89,45 +94,48 @@ struct PixelSurroundings {
 /// All quantities of the pixels found[0 .. n), y << 16 | x each, n <= kBlock; reads kBlock of them. The rest of the block becomes 0.
 inline void fill_block(float* block, const int* found, int n, const BlockSource& in) {
   using P = PixelList;
-  using S = PixelSurroundings;
-  const Lanes zero = 0.0F;
-  for (int at = 0; at < P::kBlock; at += kLanes) {
-    PixelSurroundings p;
-    // where all pixels are taken most of them lie side by side
-    if (at + kLanes <= n && found[at + kLanes - 1] - found[at] == kLanes - 1) p.load(in, found[at] & 0xFFFF, found[at] >> 16);
-    else p.gather(in, found + at, std::clamp(n - at, 0, kLanes));
-    const auto put = [&](P::Field f, const Lanes& v) { v.store(block + f * P::kBlock + at); };
-    const Lanes& z = p[S::kZ];
-    const Lanes iz = 1.0F / select(z > zero, z, 1.0F);
-    const Lanes X = (p[S::kU] - in.cx) * (1.0F / in.fx) * z;
-    const Lanes Y = (p[S::kV] - in.cy) * (1.0F / in.fy) * z;
-    const Lanes gx = 0.5F * (p[S::kIr] - p[S::kIl]);
-    const Lanes gy = 0.5F * (p[S::kId] - p[S::kIu]);
-    put(P::kX, X);
-    put(P::kY, Y);
-    put(P::kZ, z);
-    put(P::kIntensity, p[S::kI]);
-    put(P::kGamma, p[S::kGamma]);
-    const Lanes &l = p[S::kZl], &r = p[S::kZr], &u = p[S::kZu], &d = p[S::kZd];
-    const Lanes low = min(min(l, r), min(u, d));
-    const Mask own = min(low, p[S::kTwoAway]) > z * (1.0F - in.edge);
-    put(P::kGradient2, select(own, gx * gx + gy * gy, select(z > zero, -1.0F, zero)));
-    const Lanes a0 = select(own, gx * in.fx * iz, zero);
-    const Lanes a1 = select(own, gy * in.fy * iz, zero);
-    put(P::kI0, a0);
-    put(P::kI1, a1);
-    put(P::kI2, zero - (a0 * X + a1 * Y) * iz);
-    const Lanes zx = 0.5F * (r - l);
-    const Lanes zy = 0.5F * (d - u);
-    const Lanes g2 = zx * zx + zy * zy;
-    const Mask smooth = (low > zero) & (g2 < in.edge * in.edge * z * z);
-    const Lanes d0 = select(smooth, zx * in.fx * iz, zero);
-    const Lanes d1 = select(smooth, zy * in.fy * iz, zero);
-    put(P::kDepthGradient2, select(smooth, g2, select(z > zero, -1.0F, zero)));
-    put(P::kD0, d0);
-    put(P::kD1, d1);
-    put(P::kD2, select(smooth, zero - (d0 * X + d1 * Y) * iz - 1.0F, zero));
-  }
+  in_widest_lanes([&](auto lanes) {
+    using L = BasicLanes<lanes>;
+    using S = PixelSurroundings<lanes>;
+    const L zero = 0.0F;
+    for (int at = 0; at < P::kBlock; at += lanes) {
+      S p;
+      // where all pixels are taken most of them lie side by side
+      if (at + lanes <= n && found[at + lanes - 1] - found[at] == lanes - 1) p.load(in, found[at] & 0xFFFF, found[at] >> 16);
+      else p.gather(in, found + at, std::clamp(n - at, 0, int{lanes}));
+      const auto put = [&](P::Field f, const L& v) { v.store(block + f * P::kBlock + at); };
+      const L& z = p[S::kZ];
+      const L iz = 1.0F / select(z > zero, z, 1.0F);
+      const L X = (p[S::kU] - in.cx) * (1.0F / in.fx) * z;
+      const L Y = (p[S::kV] - in.cy) * (1.0F / in.fy) * z;
+      const L gx = 0.5F * (p[S::kIr] - p[S::kIl]);
+      const L gy = 0.5F * (p[S::kId] - p[S::kIu]);
+      put(P::kX, X);
+      put(P::kY, Y);
+      put(P::kZ, z);
+      put(P::kIntensity, p[S::kI]);
+      put(P::kGamma, p[S::kGamma]);
+      const L &l = p[S::kZl], &r = p[S::kZr], &u = p[S::kZu], &d = p[S::kZd];
+      const L low = min(min(l, r), min(u, d));
+      const auto own = min(low, p[S::kTwoAway]) > z * (1.0F - in.edge);
+      put(P::kGradient2, select(own, gx * gx + gy * gy, select(z > zero, -1.0F, zero)));
+      const L a0 = select(own, gx * in.fx * iz, zero);
+      const L a1 = select(own, gy * in.fy * iz, zero);
+      put(P::kI0, a0);
+      put(P::kI1, a1);
+      put(P::kI2, zero - (a0 * X + a1 * Y) * iz);
+      const L zx = 0.5F * (r - l);
+      const L zy = 0.5F * (d - u);
+      const L g2 = zx * zx + zy * zy;
+      const auto smooth = (low > zero) & (g2 < in.edge * in.edge * z * z);
+      const L d0 = select(smooth, zx * in.fx * iz, zero);
+      const L d1 = select(smooth, zy * in.fy * iz, zero);
+      put(P::kDepthGradient2, select(smooth, g2, select(z > zero, -1.0F, zero)));
+      put(P::kD0, d0);
+      put(P::kD1, d1);
+      put(P::kD2, select(smooth, zero - (d0 * X + d1 * Y) * iz - 1.0F, zero));
+    }
+  });
 }
 
 /// Gradients of mere noise would make a bare wall look as if it fixed the motion along it. A tile without texture gets no

@@ -12,6 +12,7 @@
 #include <apso/executor.hpp>
 #include <apso/math/lanes/lane_functions.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/refinement/pyramid/pixel_block.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/plane.hpp>
@@ -127,7 +128,7 @@ class PixelSelector {
   }
 
  private:
-  static constexpr int kBorder = PixelSurroundings::kReach;  // pixels at the border are not chosen
+  static constexpr int kBorder = BlockSource::kReach;  // pixels at the border are not chosen
 
   // The place of a pixel in its cell is kept in the last bits of its score, so that the best of a cell is a maximum of
   // floats. `column_` holds what each column adds, `place_` the pixel for each number; the first of equal ones wins.
@@ -136,8 +137,8 @@ class PixelSelector {
     for (int i = 0; i < b * b; ++i) place_[static_cast<std::size_t>(i)] = ((b - 1 - i / b) << 16) | (b - 1 - i % b);
     bits_ = 1;
     while (bits_ < b * b) bits_ *= 2;
-    column_.resize(static_cast<std::size_t>(w + kLanes));
-    for (int x = 0; x < w + kLanes; ++x) column_[static_cast<std::size_t>(x)] = b - 1 - x % b;
+    column_.resize(static_cast<std::size_t>(w + kWideLanes));
+    for (int x = 0; x < w + kWideLanes; ++x) column_[static_cast<std::size_t>(x)] = b - 1 - x % b;
   }
 
   // All pixels of row y with depth and weight, but those at the border.
@@ -160,40 +161,43 @@ class PixelSelector {
 
   // The best score of each column of the rows [y0, y1), 0 where there is none.
   void best_of_columns(const Plane& intensity, const Plane& depth, const Plane& gamma, int y0, int y1, int b, float* top) const {
-    const int w = intensity.width();
-    const int h = intensity.height();
-    std::fill(top, top + w, 0.0F);
-    const IntLanes keep = all_lanes(-bits_);  // bits_ is a power of 2: all but the last bits
-    for (int y = std::max(y0, kBorder); y < std::min(y1, h - kBorder); ++y) {
-      const float* I = intensity.row(y);
-      const float* Ia = intensity.row(y - 1);
-      const float* Ib = intensity.row(y + 1);
-      const float* Z = depth.row(y);
-      const float* Za = depth.row(y - 1);
-      const float* Zb = depth.row(y + 1);
-      const float* G = gamma.empty() ? nullptr : gamma.row(y);
-      const IntLanes row = all_lanes((b - 1 - (y - y0)) * b);
-      for (int x = 0; x < w; x += kLanes) {
-        const Lanes gx = Lanes::load(I + x + 1) - Lanes::load(I + x - 1);
-        const Lanes gy = Lanes::load(Ib + x) - Lanes::load(Ia + x);
-        const Lanes z = Lanes::load(Z + x);
-        const Lanes l = Lanes::load(Z + x - 1);
-        const Lanes r = Lanes::load(Z + x + 1);
-        const Lanes u = Lanes::load(Za + x);
-        const Lanes d = Lanes::load(Zb + x);
-        const Lanes low = min(min(l, r), min(u, d));
-        const Lanes spread = max(max(l, r), max(u, d)) - low;
-        // a little above 0 for any pixel with depth, ten times that where the surface goes on to all sides
-        const Lanes score = gx * gx + gy * gy + select((low > Lanes(0.0F)) & (spread < 0.05F * z), Lanes(1e-3F), Lanes(1e-4F));
-        IntLanes column;
-        std::memcpy(&column.v, column_.data() + x, sizeof column.v);
-        Mask ok = z > Lanes(0.0F);
-        if (G != nullptr) ok = ok & (Lanes::load(G + x) > Lanes(0.0F));
-        const Lanes key = select(ok, from_bits((bits(score) & keep) | (row + column)), 0.0F);
-        max(key, Lanes::load(top + x)).store(top + x);
+    in_widest_lanes([&](auto lanes) {
+      using L = BasicLanes<lanes>;
+      const int w = intensity.width();
+      const int h = intensity.height();
+      std::fill(top, top + w, 0.0F);
+      const auto keep = all_lanes<lanes>(-bits_);  // bits_ is a power of 2: all but the last bits
+      for (int y = std::max(y0, kBorder); y < std::min(y1, h - kBorder); ++y) {
+        const float* I = intensity.row(y);
+        const float* Ia = intensity.row(y - 1);
+        const float* Ib = intensity.row(y + 1);
+        const float* Z = depth.row(y);
+        const float* Za = depth.row(y - 1);
+        const float* Zb = depth.row(y + 1);
+        const float* G = gamma.empty() ? nullptr : gamma.row(y);
+        const auto row = all_lanes<lanes>((b - 1 - (y - y0)) * b);
+        for (int x = 0; x < w; x += lanes) {
+          const L gx = L::load(I + x + 1) - L::load(I + x - 1);
+          const L gy = L::load(Ib + x) - L::load(Ia + x);
+          const L z = L::load(Z + x);
+          const L l = L::load(Z + x - 1);
+          const L r = L::load(Z + x + 1);
+          const L u = L::load(Za + x);
+          const L d = L::load(Zb + x);
+          const L low = min(min(l, r), min(u, d));
+          const L spread = max(max(l, r), max(u, d)) - low;
+          // a little above 0 for any pixel with depth, ten times that where the surface goes on to all sides
+          const L score = gx * gx + gy * gy + select((low > L(0.0F)) & (spread < 0.05F * z), L(1e-3F), L(1e-4F));
+          BasicIntLanes<lanes> column;
+          std::memcpy(&column.v, column_.data() + x, sizeof column.v);
+          auto ok = z > L(0.0F);
+          if (G != nullptr) ok = ok & (L::load(G + x) > L(0.0F));
+          const L key = select(ok, from_bits((bits(score) & keep) | (row + column)), 0.0F);
+          max(key, L::load(top + x)).store(top + x);
+        }
       }
-    }
-    for (int x = 0; x < kBorder; ++x) top[x] = top[w - 1 - x] = 0.0F;
+      for (int x = 0; x < kBorder; ++x) top[x] = top[w - 1 - x] = 0.0F;
+    });
   }
   // The pixel (y << 16 | x) with the best score in cell i, -1 if there is none.
   [[nodiscard]] int best_of_cell(const float* top, int w, int b, int y0, int i) const {

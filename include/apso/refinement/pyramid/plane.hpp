@@ -10,6 +10,7 @@
 #include <apso/config.hpp>
 #include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/types/image_view.hpp>
 
 APSO_NAMESPACE_BEGIN
@@ -18,7 +19,7 @@ APSO_NAMESPACE_BEGIN
 /// of unspecified content. Loops over a row need no special last step.
 class Plane {
  public:
-  static constexpr int kPad = 16;  ///< the widest Lanes
+  static constexpr int kPad = 16;  ///< the most lanes that there are
 
   /// Changes the size; the content is unspecified. Allocates only when it grows beyond any size before.
   void resize(int width, int height) {
@@ -85,46 +86,52 @@ class Bands {
 /// \param l a row for intermediate results, of a plane as wide as `in` plus two pads
 template <class Rows>
 void halve_intensity(const Rows& in, Plane& out, float* l, int y0, int y1) {
-  const int w = out.width();
-  for (int y = y0; y < y1; ++y) {
-    const float* a = in.row(std::max(2 * y - 1, 0));
-    const float* b = in.row(2 * y);
-    const float* c = in.row(2 * y + 1);
-    const float* d = in.row(std::min(2 * y + 2, in.height() - 1));
-    for (int x = 0; x < in.width(); x += kLanes) {
-      (0.125F * (Lanes::load(a + x) + Lanes::load(d + x)) + 0.375F * (Lanes::load(b + x) + Lanes::load(c + x))).store(l + x);
+  in_widest_lanes([&](auto lanes) {
+    using L = BasicLanes<lanes>;
+    const int w = out.width();
+    for (int y = y0; y < y1; ++y) {
+      const float* a = in.row(std::max(2 * y - 1, 0));
+      const float* b = in.row(2 * y);
+      const float* c = in.row(2 * y + 1);
+      const float* d = in.row(std::min(2 * y + 2, in.height() - 1));
+      for (int x = 0; x < in.width(); x += lanes) {
+        (0.125F * (L::load(a + x) + L::load(d + x)) + 0.375F * (L::load(b + x) + L::load(c + x))).store(l + x);
+      }
+      l[-1] = l[0];
+      l[in.width()] = l[in.width() - 1];
+      float* o = out.row(y);
+      for (int x = 0; x < w; x += lanes) {
+        L s0, s1, s2, s3;
+        load_pairs(l + 2 * x - 1, s0, s1);
+        load_pairs(l + 2 * x + 1, s2, s3);
+        (0.125F * (s0 + s3) + 0.375F * (s1 + s2)).store(o + x);
+      }
     }
-    l[-1] = l[0];
-    l[in.width()] = l[in.width() - 1];
-    float* o = out.row(y);
-    for (int x = 0; x < w; x += kLanes) {
-      Lanes s0, s1, s2, s3;
-      load_pairs(l + 2 * x - 1, s0, s1);
-      load_pairs(l + 2 * x + 1, s2, s3);
-      (0.125F * (s0 + s3) + 0.375F * (s1 + s2)).store(o + x);
-    }
-  }
+  });
 }
 
 /// Smoothed by the taps 1 2 1 (/4) in both directions.
 /// \param l as above
 inline void smooth_intensity(const Plane& in, Plane& out, float* l, int y0, int y1) {
-  const int w = in.width();
-  const int h = in.height();
-  for (int y = y0; y < y1; ++y) {
-    const float* a = in.row(std::max(y - 1, 0));
-    const float* b = in.row(y);
-    const float* c = in.row(std::min(y + 1, h - 1));
-    for (int x = 0; x < w; x += kLanes) {
-      (0.25F * (Lanes::load(a + x) + Lanes::load(c + x)) + 0.5F * Lanes::load(b + x)).store(l + x);
+  in_widest_lanes([&](auto lanes) {
+    using L = BasicLanes<lanes>;
+    const int w = in.width();
+    const int h = in.height();
+    for (int y = y0; y < y1; ++y) {
+      const float* a = in.row(std::max(y - 1, 0));
+      const float* b = in.row(y);
+      const float* c = in.row(std::min(y + 1, h - 1));
+      for (int x = 0; x < w; x += lanes) {
+        (0.25F * (L::load(a + x) + L::load(c + x)) + 0.5F * L::load(b + x)).store(l + x);
+      }
+      l[-1] = l[0];
+      l[w] = l[w - 1];
+      float* o = out.row(y);
+      for (int x = 0; x < w; x += lanes) {
+        (0.25F * (L::load(l + x - 1) + L::load(l + x + 1)) + 0.5F * L::load(l + x)).store(o + x);
+      }
     }
-    l[-1] = l[0];
-    l[w] = l[w - 1];
-    float* o = out.row(y);
-    for (int x = 0; x < w; x += kLanes) {
-      (0.25F * (Lanes::load(l + x - 1) + Lanes::load(l + x + 1)) + 0.5F * Lanes::load(l + x)).store(o + x);
-    }
-  }
+  });
 }
 
 /// Half the size: the mean of the valid ones of 2x2 depths that lie within 10 cm of their second largest, so never a
@@ -132,64 +139,76 @@ inline void smooth_intensity(const Plane& in, Plane& out, float* l, int y0, int 
 /// \param in a Plane or RowWindow
 template <class Rows>
 void halve_depth(const Rows& in, Plane& out, int y0, int y1) {
-  const int w = out.width();
-  for (int y = y0; y < y1; ++y) {
-    const float* p = in.row(2 * y);
-    const float* q = in.row(2 * y + 1);
-    float* o = out.row(y);
-    for (int x = 0; x < w; x += kLanes) {
-      Lanes z[4];
-      load_pairs(p + 2 * x, z[0], z[1]);
-      load_pairs(q + 2 * x, z[2], z[3]);
-      const Lanes low01 = min(z[0], z[1]);
-      const Lanes high01 = max(z[0], z[1]);
-      const Lanes low23 = min(z[2], z[3]);
-      const Lanes high23 = max(z[2], z[3]);
-      const Lanes high = max(high01, high23);
-      // second largest of the valid ones; the only one if there is one
-      Lanes second = max(min(high01, high23), max(low01, low23));
-      second = select(second > Lanes(0.0F), second, high);
-      Lanes sum = 0.0F;
-      Lanes n = 0.0F;
-      for (const Lanes& v : z) {
-        const Mask near = (v > Lanes(0.0F)) & (abs(v - second) <= Lanes(0.1F));
-        sum += select(near, v, 0.0F);
-        n += select(near, 1.0F, 0.0F);
+  in_widest_lanes([&](auto lanes) {
+    using L = BasicLanes<lanes>;
+    const int w = out.width();
+    for (int y = y0; y < y1; ++y) {
+      const float* p = in.row(2 * y);
+      const float* q = in.row(2 * y + 1);
+      float* o = out.row(y);
+      for (int x = 0; x < w; x += lanes) {
+        L z[4];
+        load_pairs(p + 2 * x, z[0], z[1]);
+        load_pairs(q + 2 * x, z[2], z[3]);
+        const L low01 = min(z[0], z[1]);
+        const L high01 = max(z[0], z[1]);
+        const L low23 = min(z[2], z[3]);
+        const L high23 = max(z[2], z[3]);
+        const L high = max(high01, high23);
+        // second largest of the valid ones; the only one if there is one
+        L second = max(min(high01, high23), max(low01, low23));
+        second = select(second > L(0.0F), second, high);
+        L sum = 0.0F;
+        L n = 0.0F;
+        for (const L& v : z) {
+          const auto near = (v > L(0.0F)) & (abs(v - second) <= L(0.1F));
+          sum += select(near, v, 0.0F);
+          n += select(near, 1.0F, 0.0F);
+        }
+        (sum / max(n, 1.0F)).store(o + x);
       }
-      (sum / max(n, 1.0F)).store(o + x);
     }
-  }
+  });
 }
 
 /// Half the size by the mean of 2x2.
 inline void halve_mean(const Plane& in, Plane& out, int y0, int y1) {
-  const int w = out.width();
-  for (int y = y0; y < y1; ++y) {
-    for (int x = 0; x < w; x += kLanes) {
-      Lanes a, b, c, d;
-      load_pairs(in.row(2 * y) + 2 * x, a, b);
-      load_pairs(in.row(2 * y + 1) + 2 * x, c, d);
-      (0.25F * ((a + b) + (c + d))).store(out.row(y) + x);
+  in_widest_lanes([&](auto lanes) {
+    using L = BasicLanes<lanes>;
+    const int w = out.width();
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < w; x += lanes) {
+        L a, b, c, d;
+        load_pairs(in.row(2 * y) + 2 * x, a, b);
+        load_pairs(in.row(2 * y + 1) + 2 * x, c, d);
+        (0.25F * ((a + b) + (c + d))).store(out.row(y) + x);
+      }
     }
-  }
+  });
 }
 
 /// out = a b.
 inline void multiply(const Plane& a, const Plane& b, Plane& out, int y0, int y1) {
-  for (int y = y0; y < y1; ++y) {
-    for (int x = 0; x < a.width(); x += kLanes) (Lanes::load(a.row(y) + x) * Lanes::load(b.row(y) + x)).store(out.row(y) + x);
-  }
+  in_widest_lanes([&](auto lanes) {
+    using L = BasicLanes<lanes>;
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < a.width(); x += lanes) (L::load(a.row(y) + x) * L::load(b.row(y) + x)).store(out.row(y) + x);
+    }
+  });
 }
 
 /// a = a / b where b > least, else 0.
 inline void divide(Plane& a, const Plane& b, float least, int y0, int y1) {
-  for (int y = y0; y < y1; ++y) {
-    for (int x = 0; x < a.width(); x += kLanes) {
-      const Lanes d = Lanes::load(b.row(y) + x);
-      const Mask ok = d > Lanes(least);
-      select(ok, Lanes::load(a.row(y) + x) / select(ok, d, 1.0F), 0.0F).store(a.row(y) + x);
+  in_widest_lanes([&](auto lanes) {
+    using L = BasicLanes<lanes>;
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < a.width(); x += lanes) {
+        const L d = L::load(b.row(y) + x);
+        const auto ok = d > L(least);
+        select(ok, L::load(a.row(y) + x) / select(ok, d, 1.0F), 0.0F).store(a.row(y) + x);
+      }
     }
-  }
+  });
 }
 
 APSO_NAMESPACE_END

@@ -9,6 +9,7 @@
 #include <apso/config.hpp>
 #include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/plane.hpp>
 #include <apso/types/pinhole.hpp>
@@ -29,18 +30,21 @@ struct PyramidLevel {
 
 /// Rows [y0, y1) of intensity and depth side by side.
 inline void interleave(const Plane& intensity, const Plane& depth, std::vector<float>& texture, int y0, int y1) {
-  const int w = intensity.width();
-  for (int y = y0; y < y1; ++y) {
-    const float* i = intensity.row(y);
-    const float* z = depth.row(y);
-    float* t = texture.data() + 2 * static_cast<std::ptrdiff_t>(y) * w;
-    int x = 0;
-    for (; x + kLanes <= w; x += kLanes) store_pairs(Lanes::load(i + x), Lanes::load(z + x), t + 2 * x);
-    for (; x < w; ++x) {  // rows follow each other without a gap
-      t[2 * x] = i[x];
-      t[2 * x + 1] = z[x];
+  in_widest_lanes([&](auto lanes) {
+    using L = BasicLanes<lanes>;
+    const int w = intensity.width();
+    for (int y = y0; y < y1; ++y) {
+      const float* i = intensity.row(y);
+      const float* z = depth.row(y);
+      float* t = texture.data() + 2 * static_cast<std::ptrdiff_t>(y) * w;
+      int x = 0;
+      for (; x + lanes <= w; x += lanes) store_pairs(L::load(i + x), L::load(z + x), t + 2 * x);
+      for (; x < w; ++x) {  // rows follow each other without a gap
+        t[2 * x] = i[x];
+        t[2 * x + 1] = z[x];
+      }
     }
-  }
+  });
 }
 
 /// Median of about a thousand of the depths [m]; 0 if there are none.

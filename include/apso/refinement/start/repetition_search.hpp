@@ -13,6 +13,7 @@
 #include <apso/math/lanes/lane_functions.hpp>
 #include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
@@ -99,15 +100,19 @@ class RepetitionSearch {
   // Appends the candidate of each tile with most detail to the n samples; returns how many there are then.
   std::size_t best_of_tiles(Candidates& c, const PyramidLevel& reference, const Plane& coarser, std::size_t n) {
     const Pinhole& camera = reference.camera;
-    const Lanes fx = static_cast<float>(camera.fx), fy = static_cast<float>(camera.fy);
-    const Lanes cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
-    for (std::size_t i = 0; i < c.count; i += kLanes) {
-      const Lanes Z = Lanes::load(c.z + i);
-      const Lanes iz = 1.0F / select(Z > Lanes(0.0F), Z, 1.0F);
-      const Lanes u = fx * Lanes::load(c.x + i) * iz + cx;
-      const Lanes v = fy * Lanes::load(c.y + i) * iz + cy;
-      (Lanes::load(c.intensity + i) - smaller(coarser, u, v)).store(c.detail + i);
-    }
+    in_widest_lanes([&](auto lanes) {
+      using L = BasicLanes<lanes>;
+      constexpr std::size_t kStep = lanes;
+      const L fx = static_cast<float>(camera.fx), fy = static_cast<float>(camera.fy);
+      const L cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
+      for (std::size_t i = 0; i < c.count; i += kStep) {
+        const L Z = L::load(c.z + i);
+        const L iz = 1.0F / select(Z > L(0.0F), Z, 1.0F);
+        const L u = fx * L::load(c.x + i) * iz + cx;
+        const L v = fy * L::load(c.y + i) * iz + cy;
+        (L::load(c.intensity + i) - smaller(coarser, u, v)).store(c.detail + i);
+      }
+    });
     std::size_t i = 0;
     for (std::size_t tile = 0; tile < c.tiles && n < all_.size(); ++tile) {
       std::size_t best = i;
@@ -222,74 +227,84 @@ class RepetitionSearch {
 
   // Correlation of the detail of both images after a shift, of the samples that both show; 0 where it is hopeless.
   [[nodiscard]] float likeness(const Eigen::Vector3d& t) const {
-    const Lanes tx = static_cast<float>(t(0)), ty = static_cast<float>(t(1)), tz = static_cast<float>(t(2));
-    const Pinhole& camera = current_->camera;
-    const Lanes fx = static_cast<float>(camera.fx), fy = static_cast<float>(camera.fy);
-    const Lanes cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
-    const Lanes u_max = static_cast<float>(camera.width - 2), v_max = static_cast<float>(camera.height - 2);
-    const Lanes zero = 0.0F;
-    Lanes ab = 0.0F, aa = 0.0F, bb = 0.0F, n = 0.0F;
-    for (std::size_t i = 0; i < kSamples; i += kLanes) {
-      const Lanes a = Lanes::load(detail_ + i);
-      const Lanes z = Lanes::load(Y_[2] + i) + tz;
-      const Mask ahead = z > Lanes(kNear);
-      const Lanes iz = 1.0F / select(ahead, z, 1.0F);
-      Lanes u = fx * (Lanes::load(Y_[0] + i) + tx) * iz + cx;
-      Lanes v = fy * (Lanes::load(Y_[1] + i) + ty) * iz + cy;
-      const Mask inside = ahead & (u >= Lanes(1.0F)) & (v >= Lanes(1.0F)) & (u <= u_max) & (v <= v_max) & (abs(a) > zero);
-      u = select(inside, u, 1.0F);
-      v = select(inside, v, 1.0F);
-      Lanes Z;
-      const Lanes fine = look_up(*current_, u, v, Z);
-      Lanes unused;
-      const Lanes b = fine - look_up(*coarser_, within(shrink_ * (u + 0.5F) - 0.5F, coarser_->camera.width),
-                                     within(shrink_ * (v + 0.5F) - 0.5F, coarser_->camera.height), unused);
-      const Mask same = inside & ((Z <= zero) | (abs(Z - z) < kDepthTolerance * z));
-      ab += select(same, a * b, 0.0F);
-      aa += select(inside, a * a, 0.0F);
-      bb += select(inside, b * b, 0.0F);
-      n += select(inside, 1.0F, 0.0F);
-      if ((i + kLanes) % kAtOnce == 0 && !correlates(ab.sum(), aa.sum(), bb.sum(), kHopeless)) return 0;
-    }
-    if (!(n.sum() >= kEnough)) return 0;
-    return ab.sum() / std::sqrt(aa.sum() * bb.sum());
+    return in_widest_lanes([&](auto lanes) -> float {
+      using L = BasicLanes<lanes>;
+      constexpr std::size_t kStep = lanes;
+      const L tx = static_cast<float>(t(0)), ty = static_cast<float>(t(1)), tz = static_cast<float>(t(2));
+      const Pinhole& camera = current_->camera;
+      const L fx = static_cast<float>(camera.fx), fy = static_cast<float>(camera.fy);
+      const L cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
+      const L u_max = static_cast<float>(camera.width - 2), v_max = static_cast<float>(camera.height - 2);
+      const L zero = 0.0F;
+      Lanes ab = 0.0F, aa = 0.0F, bb = 0.0F, n = 0.0F;
+      for (std::size_t i = 0; i < kSamples; i += kStep) {
+        const L a = L::load(detail_ + i);
+        const L z = L::load(Y_[2] + i) + tz;
+        const auto ahead = z > L(kNear);
+        const L iz = 1.0F / select(ahead, z, 1.0F);
+        L u = fx * (L::load(Y_[0] + i) + tx) * iz + cx;
+        L v = fy * (L::load(Y_[1] + i) + ty) * iz + cy;
+        const auto inside = ahead & (u >= L(1.0F)) & (v >= L(1.0F)) & (u <= u_max) & (v <= v_max) & (abs(a) > zero);
+        u = select(inside, u, 1.0F);
+        v = select(inside, v, 1.0F);
+        L Z;
+        const L fine = look_up(*current_, u, v, Z);
+        L unused;
+        const L b = fine - look_up(*coarser_, within(shrink_ * (u + 0.5F) - 0.5F, coarser_->camera.width),
+                                   within(shrink_ * (v + 0.5F) - 0.5F, coarser_->camera.height), unused);
+        const auto same = inside & ((Z <= zero) | (abs(Z - z) < kDepthTolerance * z));
+        add(ab, select(same, a * b, 0.0F));
+        add(aa, select(inside, a * a, 0.0F));
+        add(bb, select(inside, b * b, 0.0F));
+        add(n, select(inside, L(1.0F), 0.0F));
+        if ((i + kStep) % kAtOnce == 0 && !correlates(ab.sum(), aa.sum(), bb.sum(), kHopeless)) return 0;
+      }
+      if (!(n.sum() >= kEnough)) return 0;
+      return ab.sum() / std::sqrt(aa.sum() * bb.sum());
+    });
   }
   static bool correlates(float ab, float aa, float bb, float least) { return ab > 0 && ab * ab > least * least * aa * bb; }
 
   // Intensity, and the nearest depth.
-  static APSO_INLINE Lanes look_up(const PyramidLevel& image, const Lanes& u, const Lanes& v, Lanes& Z) {
+  template <int n>
+  static APSO_INLINE BasicLanes<n> look_up(const PyramidLevel& image, const BasicLanes<n>& u, const BasicLanes<n>& v, BasicLanes<n>& Z) {
+    using L = BasicLanes<n>;
     const float* texture = image.texture.data();
     const int width = image.intensity.width();
-    const Lanes x = to_float(to_int(u));
-    const Lanes y = to_float(to_int(v));
-    const Lanes a = u - x;
-    const Lanes b = v - y;
-    const IntLanes offset = to_int(y * Lanes(static_cast<float>(2 * width)) + (x + x));
-    const Quad p = load_quads(texture, offset);
-    const Quad q = load_quads(texture + 2 * width, offset);
-    const Mask left = a < Lanes(0.5F);
-    Z = select(b < Lanes(0.5F), select(left, p.c[1], p.c[3]), select(left, q.c[1], q.c[3]));
-    const Lanes upper = p.c[0] + a * (p.c[2] - p.c[0]);
-    const Lanes lower = q.c[0] + a * (q.c[2] - q.c[0]);
+    const L x = to_float(to_int(u));
+    const L y = to_float(to_int(v));
+    const L a = u - x;
+    const L b = v - y;
+    const BasicIntLanes<n> offset = to_int(y * L(static_cast<float>(2 * width)) + (x + x));
+    const BasicQuad<n> p = load_quads(texture, offset);
+    const BasicQuad<n> q = load_quads(texture + 2 * width, offset);
+    const BasicIntLanes<n> left = a < L(0.5F);
+    Z = select(b < L(0.5F), select(left, p.c[1], p.c[3]), select(left, q.c[1], q.c[3]));
+    const L upper = p.c[0] + a * (p.c[2] - p.c[0]);
+    const L lower = q.c[0] + a * (q.c[2] - q.c[0]);
     return upper + b * (lower - upper);
   }
   // The same of the smaller image of the reference, at a place of the larger one.
-  [[nodiscard]] APSO_INLINE Lanes smaller(const Plane& image, const Lanes& u, const Lanes& v) const {
-    const Lanes x = within(shrink_ * (u + 0.5F) - 0.5F, image.width());
-    const Lanes y = within(shrink_ * (v + 0.5F) - 0.5F, image.height());
-    const Lanes left = to_float(to_int(x)), top = to_float(to_int(y));
-    const Lanes a = x - left, b = y - top;
+  template <int n>
+  [[nodiscard]] APSO_INLINE BasicLanes<n> smaller(const Plane& image, const BasicLanes<n>& u, const BasicLanes<n>& v) const {
+    using L = BasicLanes<n>;
+    const L x = within(shrink_ * (u + 0.5F) - 0.5F, image.width());
+    const L y = within(shrink_ * (v + 0.5F) - 0.5F, image.height());
+    const L left = to_float(to_int(x)), top = to_float(to_int(y));
+    const L a = x - left, b = y - top;
     const auto row = static_cast<int>(image.row(1) - image.row(0));
-    const IntLanes offset = to_int(top * Lanes(static_cast<float>(row)) + left);
-    const Quad p = load_quads(image.row(0), offset);  // two of the four are used
-    const Quad q = load_quads(image.row(1), offset);
-    const Lanes upper = p.c[0] + a * (p.c[1] - p.c[0]);
-    const Lanes lower = q.c[0] + a * (q.c[1] - q.c[0]);
+    const BasicIntLanes<n> offset = to_int(top * L(static_cast<float>(row)) + left);
+    const BasicQuad<n> p = load_quads(image.row(0), offset);  // two of the four are used
+    const BasicQuad<n> q = load_quads(image.row(1), offset);
+    const L upper = p.c[0] + a * (p.c[1] - p.c[0]);
+    const L lower = q.c[0] + a * (q.c[1] - q.c[0]);
     return upper + b * (lower - upper);
   }
   // A place that can be interpolated at, in an image of so many pixels across.
-  static APSO_INLINE Lanes within(const Lanes& place, int pixels) {
-    return min(max(place, Lanes(0.0F)), Lanes(static_cast<float>(pixels) - 1.001F));
+  template <int n>
+  static APSO_INLINE BasicLanes<n> within(const BasicLanes<n>& place, int pixels) {
+    using L = BasicLanes<n>;
+    return min(max(place, L(0.0F)), L(static_cast<float>(pixels) - 1.001F));
   }
 
   static constexpr float kNear = 0.1F;          // samples nearer than this are out of view [m]
