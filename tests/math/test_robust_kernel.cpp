@@ -31,6 +31,18 @@ struct Lorentz {
   }
 };
 
+// The same, compiled apart from the loop that calls it: for the instruction set of the program, whatever that of the loop is.
+struct Apart : Lorentz {
+  template <class T>
+  APSO_NOINLINE T weight(const T& s2) const {
+    return Lorentz::weight(s2);
+  }
+  template <class T>
+  APSO_NOINLINE T rho(const T& s2) const {
+    return Lorentz::rho(s2);
+  }
+};
+
 // Several residuals in one call give what a number alone gives, and the slope of their cost is s w(s).
 template <class Kernel, class Scalar>
 void check_lanes(const Kernel& kernel, const Scalar& scalar) {
@@ -104,6 +116,7 @@ TEST_CASE("weights match hand-computed values") {
 TEST_CASE("a kernel of the user's runs in the same loop") {
   const RobustKernel cauchy{KernelKind::Cauchy, 2.0};
   check_lanes(Lorentz{}, cauchy);
+  check_lanes(Apart{}, cauchy);
   const RobustKernel t{KernelKind::StudentT};
   check_lanes(t, t);
   const kernels::BivariateT pair;

@@ -111,6 +111,10 @@ template <int n>
 struct BasicIntLanes {
   using Vector = typename detail::Vectors<n>::Int;
   Vector v;
+  BasicIntLanes() = default;                                     // cppcheck-suppress uninitMemberVar; filled by whoever makes it
+  APSO_INLINE BasicIntLanes(const Vector& x) : v(x) {}           // NOLINT: the vector is all that they are
+  APSO_INLINE BasicIntLanes(const BasicIntLanes& o) : v(o.v) {}  // NOLINT: as that of BasicLanes
+  BasicIntLanes& operator=(const BasicIntLanes&) = default;
   [[nodiscard]] std::int32_t operator[](int i) const { return v[i]; }
 
   [[nodiscard]] friend APSO_INLINE BasicIntLanes operator+(const BasicIntLanes& a, const BasicIntLanes& b) { return {a.v + b.v}; }
@@ -127,6 +131,10 @@ struct BasicLanes {
   Vector v;
   BasicLanes() = default;  // cppcheck-suppress uninitMemberVar; filled by whoever makes it
   APSO_INLINE explicit BasicLanes(const Vector& x) : v(x) {}
+  /// Written out, which makes calls pass them in memory: the registers for it depend on the instruction set that is compiled for, which may
+  /// be another one on the other side.
+  APSO_INLINE BasicLanes(const BasicLanes& o) : v(o.v) {}  // NOLINT
+  BasicLanes& operator=(const BasicLanes&) = default;
   template <class S, class = std::enable_if_t<std::is_arithmetic_v<S>>>
   APSO_INLINE BasicLanes(S number) {  // NOLINT: a number stands for lanes that all hold it
     const auto x = static_cast<float>(number);

@@ -11,20 +11,17 @@
 #include <apso/config.hpp>
 #include <apso/math/lanes/lanes.hpp>
 
-// With inlining switched off (-O0) each operation of the wide lanes would be a function that is compiled for narrow ones.
-#if defined(__GNUC__) && defined(__x86_64__) && !defined(__AVX__) && !defined(__NO_INLINE__) && !defined(APSO_NO_WIDE_LANES)
-#define APSO_HAS_WIDE_LANES 1
-#endif
-
 APSO_NAMESPACE_BEGIN
 
-#if defined(APSO_HAS_WIDE_LANES)
+#if defined(__GNUC__) && defined(__x86_64__) && !defined(__AVX__)
 inline constexpr int kWideLanes = 8;
-/// Whether the processor that this runs on has kWideLanes.
-[[nodiscard]] inline bool has_wide_lanes() { return __builtin_cpu_supports("avx2"); }
+// Without inlining (-O0), and where the code is to be small (-Os), operations of the wide lanes would be functions that are compiled for
+// narrow ones.
+#if !defined(__NO_INLINE__) && !defined(__OPTIMIZE_SIZE__) && !defined(APSO_NO_WIDE_LANES)
+#define APSO_USE_WIDE_LANES 1
+#endif
 #else
 inline constexpr int kWideLanes = kLanes;
-[[nodiscard]] inline bool has_wide_lanes() { return false; }
 #endif
 
 namespace detail {
@@ -33,7 +30,7 @@ template <class F>
 APSO_FLATTEN auto in_lanes(F f) {
   return f(std::integral_constant<int, kLanes>{});
 }
-#if defined(APSO_HAS_WIDE_LANES)
+#if defined(APSO_USE_WIDE_LANES)
 template <class F>
 __attribute__((target("avx2"), flatten)) auto in_wide_lanes(F f) {
   return f(std::integral_constant<int, kWideLanes>{});
@@ -41,16 +38,16 @@ __attribute__((target("avx2"), flatten)) auto in_wide_lanes(F f) {
 #endif
 }  // namespace detail
 
-/// Calls f(n), and returns what it returns, with the number of lanes as a compile-time constant. All that f calls becomes part of it; what
-/// cannot be, like a function that is not inline, is compiled for kLanes.
+/// Calls f(n), and returns what it returns, with the number of lanes as a compile-time constant: kWideLanes if the processor has them, else
+/// kLanes. All that f calls becomes part of it; what cannot, like a function that is called by a pointer, is compiled for kLanes.
 template <class F>
 APSO_INLINE auto in_widest_lanes(const F& f) {
-#if defined(APSO_HAS_WIDE_LANES)
-  if (has_wide_lanes()) return detail::in_wide_lanes(f);
+#if defined(APSO_USE_WIDE_LANES)
+  if (__builtin_cpu_supports("avx2")) return detail::in_wide_lanes(f);
 #endif
   return detail::in_lanes(f);
 }
-#undef APSO_HAS_WIDE_LANES
+#undef APSO_USE_WIDE_LANES
 
 /// sum += v, kLanes at a time: in the same order with wide lanes and without.
 template <int n>

@@ -97,6 +97,48 @@ class RepetitionSearch {
     [[nodiscard]] bool full() const { return count + kMostOfTile > kRoom || tiles == ends.size(); }
   };
 
+  // Intensity, and the nearest depth.
+  template <int n>
+  static APSO_INLINE BasicLanes<n> look_up(const PyramidLevel& image, const BasicLanes<n>& u, const BasicLanes<n>& v, BasicLanes<n>& Z) {
+    using L = BasicLanes<n>;
+    const float* texture = image.texture.data();
+    const int width = image.intensity.width();
+    const L x = to_float(to_int(u));
+    const L y = to_float(to_int(v));
+    const L a = u - x;
+    const L b = v - y;
+    const BasicIntLanes<n> offset = to_int(y * L(static_cast<float>(2 * width)) + (x + x));
+    const BasicQuad<n> p = load_quads(texture, offset);
+    const BasicQuad<n> q = load_quads(texture + 2 * width, offset);
+    const BasicIntLanes<n> left = a < L(0.5F);
+    Z = select(b < L(0.5F), select(left, p.c[1], p.c[3]), select(left, q.c[1], q.c[3]));
+    const L upper = p.c[0] + a * (p.c[2] - p.c[0]);
+    const L lower = q.c[0] + a * (q.c[2] - q.c[0]);
+    return upper + b * (lower - upper);
+  }
+  // The same of the smaller image of the reference, at a place of the larger one.
+  template <int n>
+  [[nodiscard]] APSO_INLINE BasicLanes<n> smaller(const Plane& image, const BasicLanes<n>& u, const BasicLanes<n>& v) const {
+    using L = BasicLanes<n>;
+    const L x = within(shrink_ * (u + 0.5F) - 0.5F, image.width());
+    const L y = within(shrink_ * (v + 0.5F) - 0.5F, image.height());
+    const L left = to_float(to_int(x)), top = to_float(to_int(y));
+    const L a = x - left, b = y - top;
+    const auto row = static_cast<int>(image.row(1) - image.row(0));
+    const BasicIntLanes<n> offset = to_int(top * L(static_cast<float>(row)) + left);
+    const BasicQuad<n> p = load_quads(image.row(0), offset);  // two of the four are used
+    const BasicQuad<n> q = load_quads(image.row(1), offset);
+    const L upper = p.c[0] + a * (p.c[1] - p.c[0]);
+    const L lower = q.c[0] + a * (q.c[1] - q.c[0]);
+    return upper + b * (lower - upper);
+  }
+  // A place that can be interpolated at, in an image of so many pixels across.
+  template <int n>
+  static APSO_INLINE BasicLanes<n> within(const BasicLanes<n>& place, int pixels) {
+    using L = BasicLanes<n>;
+    return min(max(place, L(0.0F)), L(static_cast<float>(pixels) - 1.001F));
+  }
+
   // Appends the candidate of each tile with most detail to the n samples; returns how many there are then.
   std::size_t best_of_tiles(Candidates& c, const PyramidLevel& reference, const Plane& coarser, std::size_t n) {
     const Pinhole& camera = reference.camera;
@@ -264,48 +306,6 @@ class RepetitionSearch {
     });
   }
   static bool correlates(float ab, float aa, float bb, float least) { return ab > 0 && ab * ab > least * least * aa * bb; }
-
-  // Intensity, and the nearest depth.
-  template <int n>
-  static APSO_INLINE BasicLanes<n> look_up(const PyramidLevel& image, const BasicLanes<n>& u, const BasicLanes<n>& v, BasicLanes<n>& Z) {
-    using L = BasicLanes<n>;
-    const float* texture = image.texture.data();
-    const int width = image.intensity.width();
-    const L x = to_float(to_int(u));
-    const L y = to_float(to_int(v));
-    const L a = u - x;
-    const L b = v - y;
-    const BasicIntLanes<n> offset = to_int(y * L(static_cast<float>(2 * width)) + (x + x));
-    const BasicQuad<n> p = load_quads(texture, offset);
-    const BasicQuad<n> q = load_quads(texture + 2 * width, offset);
-    const BasicIntLanes<n> left = a < L(0.5F);
-    Z = select(b < L(0.5F), select(left, p.c[1], p.c[3]), select(left, q.c[1], q.c[3]));
-    const L upper = p.c[0] + a * (p.c[2] - p.c[0]);
-    const L lower = q.c[0] + a * (q.c[2] - q.c[0]);
-    return upper + b * (lower - upper);
-  }
-  // The same of the smaller image of the reference, at a place of the larger one.
-  template <int n>
-  [[nodiscard]] APSO_INLINE BasicLanes<n> smaller(const Plane& image, const BasicLanes<n>& u, const BasicLanes<n>& v) const {
-    using L = BasicLanes<n>;
-    const L x = within(shrink_ * (u + 0.5F) - 0.5F, image.width());
-    const L y = within(shrink_ * (v + 0.5F) - 0.5F, image.height());
-    const L left = to_float(to_int(x)), top = to_float(to_int(y));
-    const L a = x - left, b = y - top;
-    const auto row = static_cast<int>(image.row(1) - image.row(0));
-    const BasicIntLanes<n> offset = to_int(top * L(static_cast<float>(row)) + left);
-    const BasicQuad<n> p = load_quads(image.row(0), offset);  // two of the four are used
-    const BasicQuad<n> q = load_quads(image.row(1), offset);
-    const L upper = p.c[0] + a * (p.c[1] - p.c[0]);
-    const L lower = q.c[0] + a * (q.c[1] - q.c[0]);
-    return upper + b * (lower - upper);
-  }
-  // A place that can be interpolated at, in an image of so many pixels across.
-  template <int n>
-  static APSO_INLINE BasicLanes<n> within(const BasicLanes<n>& place, int pixels) {
-    using L = BasicLanes<n>;
-    return min(max(place, L(0.0F)), L(static_cast<float>(pixels) - 1.001F));
-  }
 
   static constexpr float kNear = 0.1F;          // samples nearer than this are out of view [m]
   static constexpr float kLeastDetail = 0.01F;  // 2.5 grey values of 255: less is noise
