@@ -125,6 +125,22 @@ struct BasicIntLanes {
 };
 
 template <int n>
+struct BasicLanes;
+/// a where the mask is set, else b: lanes or numbers.
+template <int n, class A, class B>
+[[nodiscard]] APSO_INLINE BasicLanes<n> select(const BasicIntLanes<n>& m, const A& a, const B& b) {
+  const BasicLanes<n> x = a;
+  const BasicLanes<n> y = b;
+#if defined(__GNUC__)
+  return BasicLanes<n>(m.v ? x.v : y.v);
+#else
+  BasicLanes<n> r;
+  for (int i = 0; i < n; ++i) r.v[i] = m.v[i] != 0 ? x.v[i] : y.v[i];
+  return r;
+#endif
+}
+
+template <int n>
 struct BasicLanes {
   using Vector = typename detail::Vectors<n>::Float;
   using Mask = BasicIntLanes<n>;
@@ -176,15 +192,6 @@ struct BasicLanes {
   [[nodiscard]] friend APSO_INLINE Mask operator<=(const BasicLanes& a, const BasicLanes& b) { return {a.v <= b.v}; }
   [[nodiscard]] friend APSO_INLINE Mask operator>(const BasicLanes& a, const BasicLanes& b) { return b < a; }
   [[nodiscard]] friend APSO_INLINE Mask operator>=(const BasicLanes& a, const BasicLanes& b) { return b <= a; }
-  [[nodiscard]] friend APSO_INLINE BasicLanes select(const Mask& m, const BasicLanes& a, const BasicLanes& b) {
-#if defined(__GNUC__)
-    return BasicLanes(m.v ? a.v : b.v);
-#else
-    BasicLanes r;
-    for (int i = 0; i < n; ++i) r.v[i] = m.v[i] != 0 ? a.v[i] : b.v[i];
-    return r;
-#endif
-  }
   /// The smaller of two; b when one is NaN.
   [[nodiscard]] friend APSO_INLINE BasicLanes min(const BasicLanes& a, const BasicLanes& b) { return select(a < b, a, b); }
   /// The larger of two; b when one is NaN.
@@ -215,11 +222,6 @@ using Lanes = BasicLanes<kLanes>;
 using IntLanes = BasicIntLanes<kLanes>;
 using Mask = IntLanes;
 
-/// `select` between two numbers.
-template <int n>
-[[nodiscard]] APSO_INLINE BasicLanes<n> select(const BasicIntLanes<n>& m, float a, float b) {
-  return select(m, BasicLanes<n>(a), BasicLanes<n>(b));
-}
 /// `select` for one number, so that a formula can be written once for both.
 template <class T>
 [[nodiscard]] constexpr T select(bool m, const T& a, const T& b) {
