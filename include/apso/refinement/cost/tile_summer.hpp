@@ -48,7 +48,7 @@ class TileSummer {
       const float* block = list.block(b);
       noise_(warpers_, squares_, block, blocks, pixels_, counts_);
       weigh(block, blocks);
-      in_widest_lanes([=, &s](auto lanes) {
+      in_widest_lanes([this, block, blocks, &s](auto lanes) {
         sum_costs<lanes>(blocks, s);
         if (warpers_.with<kLanes>().rows_of_current()) multiply_rows_of_both<lanes>(block, blocks);
         else multiply<lanes>(block, blocks);
@@ -72,7 +72,7 @@ class TileSummer {
       if (joint_) noise_(warpers_, squares_, list.block(b), blocks, pixels_, counts_);
       else noise_.cost(warpers_, squares_, list.block(b), blocks, pixels_, counts_);
       weigh(list.block(b), blocks);
-      in_widest_lanes([=, &s](auto lanes) { sum_costs<lanes>(blocks, s); });
+      in_widest_lanes([this, blocks, &s](auto lanes) { sum_costs<lanes>(blocks, s); });
     }
     take_cost(s, tile, out);
   }
