@@ -6,6 +6,7 @@
 #include <apso/math/lanes/lane_functions.hpp>
 #include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 
 using namespace apso;
 
@@ -109,4 +110,30 @@ TEST_CASE("loads and stores that reorder") {
     CHECK(back[2 * i] == even[i]);
     CHECK(back[2 * i + 1] == odd[i]);
   }
+}
+
+TEST_CASE("a loop gets the lanes of the processor, and sums in them are added in the order of kLanes") {
+  constexpr int kNumbers = 4 * kWideLanes;
+  float numbers[kNumbers];
+  for (int i = 0; i < kNumbers; ++i) numbers[i] = 1.0F / static_cast<float>(3 + i);  // their sum depends on its order
+  Lanes narrow = 0.0F;
+  for (int i = 0; i < kNumbers; i += kLanes) narrow += Lanes::load(numbers + i);
+  Lanes widest = 0.0F;
+  const int at_once = in_widest_lanes([&](auto lanes) {
+    for (int i = 0; i < kNumbers; i += lanes) add(widest, BasicLanes<lanes>::load(numbers + i));
+    return int{lanes};
+  });
+  CHECK((at_once == kLanes || at_once == kWideLanes));
+  for (int i = 0; i < kLanes; ++i) CHECK(widest[i] == narrow[i]);
+}
+
+TEST_CASE("parts of lanes are those in their order") {
+  float numbers[8];
+  for (int i = 0; i < 8; ++i) numbers[i] = static_cast<float>(i);
+  const auto eight = BasicLanes<8>::load(numbers);
+  for (int i = 0; i < 4; ++i) {
+    CHECK(eight.part<4, 0>()[i] == static_cast<float>(i));
+    CHECK(eight.part<4, 1>()[i] == static_cast<float>(4 + i));
+  }
+  CHECK(eight.sum() == 28.0F);
 }

@@ -1,8 +1,8 @@
 /// \file
 /// Loops in as many lanes as the processor has that the program runs on, not as the one that it is compiled for.
 ///
-/// Distributions compile for any x86-64, with four lanes; nearly every processor since 2013 has AVX2, with eight. GCC and Clang compile
-/// such a loop for both, and which one runs is found out at run time. Both give the same bits: AVX2 does not come with fused
+/// Distributions compile for any x86-64, with four lanes; processors with AVX2 have eight. GCC and Clang compile such a loop for both,
+/// and which one runs is decided at run time. Both give the same bits: AVX2 does not come with fused
 /// multiplication, and sums are added in the order of kLanes. APSO_NO_WIDE_LANES leaves the second one out.
 #pragma once
 

@@ -9,7 +9,6 @@
 #include <apso/math/lanes/lane_functions.hpp>
 #include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
-#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>
 #include <apso/refinement/pyramid/plane.hpp>
 #include <apso/types/frame.hpp>
@@ -91,51 +90,52 @@ struct PixelSurroundings {
   static constexpr float kSteps[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 };
 
-/// All quantities of the pixels found[0 .. n), y << 16 | x each, n <= kBlock; reads kBlock of them. The rest of the block becomes 0.
-inline void fill_block(float* block, const int* found, int n, const BlockSource& in) {
+/// All quantities of the pixels found[0 .. count), y << 16 | x each, in a block, whose rest becomes 0.
+/// \tparam n how many are worked on at once
+/// \param count at most kBlock; kBlock places are read
+template <int n>
+APSO_INLINE void fill_block(float* block, const int* found, int count, const BlockSource& in) {
   using P = PixelList;
-  in_widest_lanes([&](auto lanes) {
-    using L = BasicLanes<lanes>;
-    using S = PixelSurroundings<lanes>;
-    const L zero = 0.0F;
-    for (int at = 0; at < P::kBlock; at += lanes) {
-      S p;
-      // where all pixels are taken most of them lie side by side
-      if (at + lanes <= n && found[at + lanes - 1] - found[at] == lanes - 1) p.load(in, found[at] & 0xFFFF, found[at] >> 16);
-      else p.gather(in, found + at, std::clamp(n - at, 0, int{lanes}));
-      const auto put = [&](P::Field f, const L& v) { v.store(block + f * P::kBlock + at); };
-      const L& z = p[S::kZ];
-      const L iz = 1.0F / select(z > zero, z, 1.0F);
-      const L X = (p[S::kU] - in.cx) * (1.0F / in.fx) * z;
-      const L Y = (p[S::kV] - in.cy) * (1.0F / in.fy) * z;
-      const L gx = 0.5F * (p[S::kIr] - p[S::kIl]);
-      const L gy = 0.5F * (p[S::kId] - p[S::kIu]);
-      put(P::kX, X);
-      put(P::kY, Y);
-      put(P::kZ, z);
-      put(P::kIntensity, p[S::kI]);
-      put(P::kGamma, p[S::kGamma]);
-      const L &l = p[S::kZl], &r = p[S::kZr], &u = p[S::kZu], &d = p[S::kZd];
-      const L low = min(min(l, r), min(u, d));
-      const auto own = min(low, p[S::kTwoAway]) > z * (1.0F - in.edge);
-      put(P::kGradient2, select(own, gx * gx + gy * gy, select(z > zero, -1.0F, zero)));
-      const L a0 = select(own, gx * in.fx * iz, zero);
-      const L a1 = select(own, gy * in.fy * iz, zero);
-      put(P::kI0, a0);
-      put(P::kI1, a1);
-      put(P::kI2, zero - (a0 * X + a1 * Y) * iz);
-      const L zx = 0.5F * (r - l);
-      const L zy = 0.5F * (d - u);
-      const L g2 = zx * zx + zy * zy;
-      const auto smooth = (low > zero) & (g2 < in.edge * in.edge * z * z);
-      const L d0 = select(smooth, zx * in.fx * iz, zero);
-      const L d1 = select(smooth, zy * in.fy * iz, zero);
-      put(P::kDepthGradient2, select(smooth, g2, select(z > zero, -1.0F, zero)));
-      put(P::kD0, d0);
-      put(P::kD1, d1);
-      put(P::kD2, select(smooth, zero - (d0 * X + d1 * Y) * iz - 1.0F, zero));
-    }
-  });
+  using L = BasicLanes<n>;
+  using S = PixelSurroundings<n>;
+  const L zero = 0.0F;
+  for (int at = 0; at < P::kBlock; at += n) {
+    S p;
+    // where all pixels are taken most of them lie side by side
+    if (at + n <= count && found[at + n - 1] - found[at] == n - 1) p.load(in, found[at] & 0xFFFF, found[at] >> 16);
+    else p.gather(in, found + at, std::clamp(count - at, 0, n));
+    const auto put = [&](P::Field f, const L& v) { v.store(block + f * P::kBlock + at); };
+    const L& z = p[S::kZ];
+    const L iz = 1.0F / select(z > zero, z, 1.0F);
+    const L X = (p[S::kU] - in.cx) * (1.0F / in.fx) * z;
+    const L Y = (p[S::kV] - in.cy) * (1.0F / in.fy) * z;
+    const L gx = 0.5F * (p[S::kIr] - p[S::kIl]);
+    const L gy = 0.5F * (p[S::kId] - p[S::kIu]);
+    put(P::kX, X);
+    put(P::kY, Y);
+    put(P::kZ, z);
+    put(P::kIntensity, p[S::kI]);
+    put(P::kGamma, p[S::kGamma]);
+    const L &l = p[S::kZl], &r = p[S::kZr], &u = p[S::kZu], &d = p[S::kZd];
+    const L low = min(min(l, r), min(u, d));
+    const auto own = min(low, p[S::kTwoAway]) > z * (1.0F - in.edge);
+    put(P::kGradient2, select(own, gx * gx + gy * gy, select(z > zero, -1.0F, zero)));
+    const L a0 = select(own, gx * in.fx * iz, zero);
+    const L a1 = select(own, gy * in.fy * iz, zero);
+    put(P::kI0, a0);
+    put(P::kI1, a1);
+    put(P::kI2, zero - (a0 * X + a1 * Y) * iz);
+    const L zx = 0.5F * (r - l);
+    const L zy = 0.5F * (d - u);
+    const L g2 = zx * zx + zy * zy;
+    const auto smooth = (low > zero) & (g2 < in.edge * in.edge * z * z);
+    const L d0 = select(smooth, zx * in.fx * iz, zero);
+    const L d1 = select(smooth, zy * in.fy * iz, zero);
+    put(P::kDepthGradient2, select(smooth, g2, select(z > zero, -1.0F, zero)));
+    put(P::kD0, d0);
+    put(P::kD1, d1);
+    put(P::kD2, select(smooth, zero - (d0 * X + d1 * Y) * iz - 1.0F, zero));
+  }
 }
 
 /// Gradients of mere noise would make a bare wall look as if it fixed the motion along it. A tile without texture gets no

@@ -114,11 +114,13 @@ class PixelSelector {
         PixelList::Tile& tile = out.tiles[static_cast<std::size_t>(k)];
         const int* found = found_.data() + static_cast<std::ptrdiff_t>(k) * side * side;
         Lanes sum = 0.0F;
-        for (int n = tile.begin; n < tile.end; ++n, found += PixelList::kBlock) {
-          float* to = out.block(n);
-          fill_block(to, found, std::min(PixelList::kBlock, tile.count - (n - tile.begin) * PixelList::kBlock), source);
-          for (int i = 0; i < PixelList::kBlock; i += kLanes) sum += Lanes::load(to + PixelList::kZ * PixelList::kBlock + i);
-        }
+        in_widest_lanes([&](auto lanes) {
+          for (int n = tile.begin; n < tile.end; ++n, found += PixelList::kBlock) {
+            float* to = out.block(n);
+            fill_block<lanes>(to, found, std::min(PixelList::kBlock, tile.count - (n - tile.begin) * PixelList::kBlock), source);
+            for (int i = 0; i < PixelList::kBlock; i += kLanes) sum += Lanes::load(to + PixelList::kZ * PixelList::kBlock + i);
+          }
+        });
         tile.depth = tile.count > 0 ? sum.sum() / static_cast<float>(tile.count) : 0.0F;
         remove_noise_gradients(out, tile, b, image_noise, slope_noise, source.fx);
       }
