@@ -25,6 +25,7 @@
 #include "track/config.hpp"
 #include "track/frame_source.hpp"
 #include "track/motion_report.hpp"
+#include "track/open_camera.hpp"
 #include "track/progress.hpp"
 #include "track/results.hpp"
 
@@ -155,7 +156,7 @@ Sequence open(const SequenceText& text, const Arguments& a) {
     return s;
   }
   s.name = std::filesystem::path(text.folder).filename().string();
-  s.source = std::make_unique<track::RecordedSource>(text.folder, apso::camera_by_name(text.camera));
+  s.source = std::make_unique<track::RecordedSource>(text.folder, track::open_camera(text.camera));
   if (!text.masks.empty()) s.masks.emplace(text.masks, std::vector<std::string>{".png", ".pgm"});
   return s;
 }
@@ -289,13 +290,14 @@ int main(int argc, char** argv) {
       "In addition to the policies of apso_track there are 'truth' (the true mask) and 'boxes' (boxes of the true instances)."};
   app.add_option("SEQUENCE", a.sequences,
                  "synthetic:NAME, FOLDER@CAMERA, or FOLDER@CAMERA@MASKS with true masks named by timestamp\n"
-                 "(cameras: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim)")
+                 "(CAMERA: tum-fr1, tum-fr2, tum-fr3, bonn, icl-nuim, or a YAML file as for apso_track; frames are\n"
+                 "taken as they were read, rows of a rolling shutter are not moved)")
       ->required();
   app.add_option("--policies", a.policies, "policy expressions, separated by commas, see docs/observation.md")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->default_str("fourteen of them");
-  app.add_option("--frames", a.frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);
+  app.add_option("--frames", a.frames, "stop after this many frames (0 = all)")->check(track::count());
   app.add_option("--seed", a.seed, "of the synthetic sequences")->capture_default_str();
   app.add_option("--config", a.config, "YAML file with options, as for apso_track; those of the policies and of the tracker count");
   app.add_option("--model", a.model, "ONNX file, for the policy 'dnn'");

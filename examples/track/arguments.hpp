@@ -157,7 +157,7 @@ inline void declare_options(CLI::App& app, Arguments& a) {
                  "image operations. The results do not depend on it")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
-  app.add_option("--max-frames", a.max_frames, "stop after this many frames (0 = all)")->check(CLI::NonNegativeNumber);
+  app.add_option("--max-frames", a.max_frames, "stop after this many frames (0 = all)")->check(count());
   app.add_option("--spoil", a.spoil,
                  "degrade two of every twenty frames, to test whether they are detected (the first six),\n"
                  "or let something happen once, at frame 40")

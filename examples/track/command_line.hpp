@@ -92,7 +92,8 @@ int run_main(const char* name, CLI::App& app, int argc, char** argv, Body&& body
     }
     return exit_usage;
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "%s: %s\n", name, e.what());
+    const bool named = std::strncmp(e.what(), "apso: ", 6) == 0;  // a message of the library; the program's name says it already
+    std::fprintf(stderr, "%s: %s\n", name, e.what() + (named ? 6 : 0));
     code = exit_bad_input;
   }
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
@@ -138,6 +139,16 @@ inline CLI::Validator number_in(double lowest, double highest) {
             return "'" + text + "': " + expected;
           },
           "NUMBER", "range"};
+}
+
+/// Accepts whole numbers that are not negative. (CLI::NonNegativeNumber prints the largest double as the end of its range.)
+inline CLI::Validator count() {
+  return {[](std::string& text) {
+            const bool digits =
+                !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
+            return digits ? std::string() : "'" + text + "': expected a whole number, 0 or more";
+          },
+          "", "count"};
 }
 
 }  // namespace track

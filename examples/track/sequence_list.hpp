@@ -97,6 +97,16 @@ inline int run_program(const std::vector<std::string>& command, const std::strin
   return WEXITSTATUS(status);
 }
 
+/// The last line of what a program wrote, without a hint at --help.
+inline std::string last_words(const std::string& log) {
+  std::ifstream lines(log);
+  std::string last;
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.empty() && line.rfind("Run with --help", 0) != 0) last = line;
+  }
+  return last;
+}
+
 /// One run to make.
 struct Job {
   std::filesystem::path folder;
@@ -206,7 +216,10 @@ inline std::vector<std::string> run_jobs(const std::vector<Job>& jobs, int worke
       }
       const bool failed = code != 0 && code != exit_no_pose;
       queue.done(*job, !had);
-      if (failed) problems.push_back(job->folder.string() + ": apso_track ended with " + std::to_string(code) + ", see " + log);
+      if (failed) {
+        const std::string words = last_words(log);
+        problems.push_back(log + ": exit code " + std::to_string(code) + (words.empty() ? "" : ": " + words));
+      }
       std::fprintf(stderr, "%s %d/%zu  %s%s\n", title, ++done, jobs.size(), job->folder.filename().string().c_str(),
                    had ? " (was done)" : (failed ? " FAILED" : ""));
     }

@@ -723,10 +723,10 @@ TEST_CASE("half of the image black for a second") {
   CHECK(span(all, 72, 90).error < 0.02);
 }
 
-TEST_CASE("apso_motion refuses true masks and frames of another size") {
+TEST_CASE("apso_motion takes the camera of a file, and refuses true masks and frames of another size") {
   const Recording r;
   const std::string motion = std::string(APSO_MOTION) + " --policies none ";
-  const std::string with_masks = motion + r.in.string() + "@tum-fr3@" + (r.in / "masks").string();
+  const std::string with_masks = motion + r.in.string() + "@" + (r.in / "camera.yaml").string() + "@" + (r.in / "masks").string();
   Outcome o = run(with_masks, r.path);
   REQUIRE_MESSAGE(o.code == 0, o.text);
   cv::imwrite((r.in / "masks" / "0.100000.png").string(), cv::Mat(240, 320, CV_8U, cv::Scalar(255)));
@@ -777,6 +777,11 @@ TEST_CASE("wrong usage is named, and every program returns 2") {
   }
   refused(std::string(APSO_EVAL) + " a b --max-difference nan", "expected a number from 0");
   refused(track + "--config " + f.path.string() + out, f.path.string() + ": is a folder, expected a YAML file", 1);
+  const std::string count = "--max-frames: '-3': expected a whole number, 0 or more";
+  refused(std::string(APSO_TRACK) + " synthetic:static_static --max-frames -3" + out, count);
+  refused(std::string(APSO_TRACK) + " recording --camera tum-fr9" + out, "apso_track: camera \"tum-fr9\" is not known, expected tum-fr1",
+          1);
+  refused(std::string(APSO_MOTION) + " recording@tum-fr9", "bonn or icl-nuim, or a YAML file; there is no file of this name", 1);
   fs::create_directories(f.path / "camera.yaml");
   refused(std::string(APSO_TRACK) + " recording --camera " + (f.path / "camera.yaml").string() + out, "camera.yaml: is a folder, expected",
           1);

@@ -154,7 +154,7 @@ TEST_CASE("bad input is named") {
   CHECK(o.code == 2);
   o = run_program("apso_ablate synthetic:nonsense,max-frames=5 --only default --output " + d + "/y", f.path);
   CHECK(o.code == 1);
-  CHECK(o.text.find("log.txt") != std::string::npos);
+  CHECK(o.text.find("log.txt: exit code 1: apso_track: unknown synthetic sequence 'nonsense', known are") != std::string::npos);
   o = run_program("apso_calibrate " + d + "/broken --output " + d + "/c.yaml", f.path);
   CHECK(o.code == 1);
   o = run_program("apso_calibrate synthetic:static_static --fit-weights --output " + d + "/c.yaml", f.path);
