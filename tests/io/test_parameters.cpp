@@ -78,7 +78,7 @@ TEST_CASE("bad parameters are named with line, field and what was expected") {
   CHECK(contains(message_of("inner: {gain: .nan}\n"), "out of range"));
   CHECK(contains(message_of("fast: perhaps\n"), "'fast' must be true or false"));
   CHECK(contains(message_of("count: [1\n"), "not valid YAML"));
-  CHECK(contains(message_of("- 1\n- 2\n"), "must be a map"));
+  CHECK(contains(message_of("- 1\n- 2\n"), ":1: the settings must be a map"));
   sample::Outer o;
   CHECK_THROWS_AS(apso::read_parameters("no/such/file.yaml", o), apso::io_error);
 }

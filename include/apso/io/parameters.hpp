@@ -32,7 +32,8 @@ class YamlReader {
  public:
   YamlReader(const YAML::Node& node, std::string file, std::string prefix)
       : node_(node), file_(std::move(file)), prefix_(std::move(prefix)) {
-    if (node_ && !node_.IsMap() && !node_.IsNull()) fail(node_, "'" + prefix_ + "' must be a map of name: value");
+    if (!node_ || node_.IsMap() || node_.IsNull()) return;
+    fail(node_, (prefix_.empty() ? std::string("the settings") : "'" + prefix_ + "'") + " must be a map of name: value");
   }
 
   template <class T, class L, class H>
