@@ -161,7 +161,8 @@ Sequence open(const SequenceText& text, const Arguments& a) {
   return s;
 }
 
-std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, const track::Config& config) {
+std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, track::Config config) {
+  track::take_depth_noise(*s.source, config);
   const apso::Pinhole camera = s.source->camera();
   Truth truth;
   apso::opencv::MotionFiles files;

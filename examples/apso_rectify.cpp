@@ -43,7 +43,7 @@ int run(const std::string& recording, const std::string& camera_name, const std:
   }
   progress.end();
   if (out.frames() == 0) throw apso::io_error(recording + ": none of its frames can be read");
-  out.finish(camera.name, source->camera(), source->groundtruth());
+  out.finish(camera.name, source->camera(), camera.inverse_depth_sigma, source->groundtruth());
   std::printf("%d of %d frames in %s: rgb/, depth/ (16 bit, %g units per metre), camera.yaml\n", out.frames(), source->size(),
               output.c_str(), camera.depth_scale);
   std::printf("lens: %s\n", camera.distorted() ? "distortion removed" : "had no distortion");

@@ -41,7 +41,7 @@ int run(const std::string& name, const std::string& output, const apso::testing:
     progress.show(i + 1, sequence.size(), "frames");
   }
   progress.end();
-  out.finish(name, sequence.camera(), truth);
+  out.finish(name, sequence.camera(), 0, truth);
   std::printf(
       "%d frames in %s: rgb/, depth/ (16 bit, %.0f units per metre), masks/ (255 = a person), groundtruth.txt\n"
       "track them: apso_track %s --camera %s --output DIR\n",

@@ -67,7 +67,9 @@ void run(const std::string& folder, const std::string& camera_text, const std::s
   // [tracker]
   const apso::Pinhole camera = model.pinhole;
   const auto metres = static_cast<float>(1 / model.depth_scale);
-  apso::opencv::FeatureTracker tracker(camera);  // ORB features, Lucas-Kanade tracks, a local map
+  apso::opencv::FeatureTrackerOptions options;
+  options.inverse_depth_sigma = model.inverse_depth_sigma;
+  apso::opencv::FeatureTracker tracker(camera, options);  // ORB features, Lucas-Kanade tracks, a local map
   apso::Pipeline pipeline(camera);
   for (const Images& i : images) {
     rectifier.colour(cv::imread(i.colour), colour);

@@ -13,6 +13,8 @@
 #include <apso/opencv/feature_tracker.hpp>
 #include <apso/pipeline/pipeline.hpp>
 
+#include "frame_source.hpp"
+
 namespace track {
 
 struct Config {
@@ -36,6 +38,12 @@ inline Config read_config(const std::string& file) {
   if (std::filesystem::is_directory(file)) throw apso::io_error(file + ": is a folder, expected a YAML file with settings");
   apso::read_parameters(file, config);
   return config;
+}
+
+/// The noise of the depth of a recording, where the settings do not tell it.
+inline void take_depth_noise(const FrameSource& source, Config& config) {
+  double& sigma = config.tracker.inverse_depth_sigma;
+  if (sigma == 0) sigma = source.inverse_depth_sigma();
 }
 
 /// Prints every setting with its value and range, and how many there are in each group.

@@ -96,6 +96,8 @@ class FrameSource {
   [[nodiscard]] virtual std::set<std::string> folders() const { return {}; }
   /// Stamp of a frame less the time at which it was seen [s].
   [[nodiscard]] virtual double stamp_delay() const { return 0; }
+  /// Deviation of an inverse depth [1/m]; 0: not known.
+  [[nodiscard]] virtual double inverse_depth_sigma() const { return 0; }
   /// Known difficulty of frame i; empty if none is known.
   [[nodiscard]] virtual std::string label(int) const { return {}; }
 };
@@ -111,6 +113,7 @@ class ChangedSource : public FrameSource {
   double timestamp(int i) const override { return source_->timestamp(i); }
   std::set<std::string> folders() const override { return source_->folders(); }
   double stamp_delay() const override { return source_->stamp_delay(); }
+  double inverse_depth_sigma() const override { return source_->inverse_depth_sigma(); }
   std::string label(int i) const override { return source_->label(i); }
 
  protected:
@@ -175,6 +178,7 @@ class RecordedSource final : public FrameSource {
   const std::vector<std::string>& warnings() const override { return warnings_; }
   double timestamp(int i) const override { return sequence_.timestamp(i); }
   double stamp_delay() const override { return sequence_.camera().stamp_delay; }
+  double inverse_depth_sigma() const override { return sequence_.camera().inverse_depth_sigma; }
   std::set<std::string> folders() const override {
     std::set<std::string> all;
     for (int i = 0; i < size(); ++i) {

@@ -50,8 +50,9 @@ class RecordingWriter {
   void add_mask(const cv::Mat& mask) { write_image(out_.file("masks/" + stamp_ + ".png"), mask); }
   [[nodiscard]] int frames() const { return frames_; }
 
-  /// \param truth empty: no groundtruth.txt
-  void finish(const std::string& name, const apso::Pinhole& c, const apso::Trajectory& truth) {
+  /// \param inverse_depth_sigma of the depth [1/m]; 0: not known
+  /// \param truth               empty: no groundtruth.txt
+  void finish(const std::string& name, const apso::Pinhole& c, double inverse_depth_sigma, const apso::Trajectory& truth) {
     write_file(out_.file("rgb.txt"), rgb_.str());
     write_file(out_.file("depth.txt"), depth_.str());
     write_file(out_.file("associations.txt"), associations_.str());
@@ -67,6 +68,7 @@ class RecordingWriter {
     field("width", c.width);
     field("height", c.height);
     field("depth_scale", depth_scale_);
+    if (inverse_depth_sigma > 0) field("inverse_depth_sigma", inverse_depth_sigma);
     camera << YAML::EndMap;
     write_file(out_.file("camera.yaml"), std::string(camera.c_str()) + '\n');
     out_.finish();

@@ -177,6 +177,7 @@ TEST_CASE("apso_rectify writes what a pinhole with a global shutter would have s
   const auto rectify = [&](const std::string& camera, const std::string& out) {
     return run(std::string(APSO_RECTIFY) + " " + in.string() + " --camera " + (in / camera).string() + " --output " + out, f.path);
   };
+  std::ofstream(in / "rolling.yaml", std::ios::app) << "inverse_depth_sigma: 0.01\n";
   const fs::path out = f.path / "out";
   const Outcome done = rectify("rolling.yaml", out.string());
   INFO(done.text);
@@ -188,6 +189,7 @@ TEST_CASE("apso_rectify writes what a pinhole with a global shutter would have s
   const apso::CameraModel camera = apso::camera_from_yaml((out / "camera.yaml").string());
   CHECK(camera.readout == 0);
   CHECK_FALSE(camera.distorted());
+  CHECK(camera.inverse_depth_sigma == 0.01);
   CHECK(apso::read_trajectory((out / "groundtruth.txt").string()).size() == frames);
 
   const apso::opencv::RgbdSequence as_read(in.string(), apso::camera_from_yaml((in / "global.yaml").string()));

@@ -42,6 +42,9 @@ TEST_CASE("a camera is read from YAML, distortion is optional") {
   CHECK(c.stamp_delay == 0);
   CHECK(camera_error(kGood + "stamp_delay: 0.015\n", &c).empty());
   CHECK(c.stamp_delay == 0.015);
+  CHECK(c.inverse_depth_sigma == 0);
+  CHECK(camera_error(kGood + "inverse_depth_sigma: 0.01\n", &c).empty());
+  CHECK(c.inverse_depth_sigma == 0.01);
 }
 
 TEST_CASE("a bad camera file names the field") {
@@ -50,6 +53,7 @@ TEST_CASE("a bad camera file names the field") {
   CHECK(contains(camera_error(kGood + "k1: .nan\n"), ":8: field k1 is .nan, expected a number in [-1e+06, 1e+06]"));
   CHECK(contains(camera_error(kGood + "readout: 30\n"), ":8: field readout is 30, expected a number in [-0.2, 0.2]"));
   CHECK(contains(camera_error(kGood + "stamp_delay: 15\n"), ":8: field stamp_delay is 15, expected a number in [-0.2, 0.2]"));
+  CHECK(contains(camera_error(kGood + "inverse_depth_sigma: 3\n"), ":8: field inverse_depth_sigma is 3, expected a number in [0, 1]"));
   CHECK(contains(camera_error(kGood + "colour: red\n"), "'colour' is not known"));
   CHECK(contains(camera_error("fx: -1\nfy: 510\n"), ":1: field fx is -1, expected a number in [0.001, 1e+06]"));
   CHECK(contains(camera_error("just text"), "expected fields"));

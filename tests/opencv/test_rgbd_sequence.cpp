@@ -180,6 +180,9 @@ TEST_CASE("cameras by name") {
   CHECK(camera_by_name("bonn").readout == 0.03);
   CHECK(camera_by_name("bonn").stamp_delay == 0);
   CHECK(camera_by_name("icl-nuim").readout == 0);
+  CHECK(camera_by_name("icl-nuim").inverse_depth_sigma == 0);  // rendered: what is not known
+  // half a pixel of disparity: a focal length of 580 px, 7.5 cm between projector and camera
+  CHECK(camera_by_name("tum-fr1").inverse_depth_sigma == doctest::Approx(0.5 / (580 * 0.075)).epsilon(0.05));
   try {
     (void)camera_by_name("kinect");
     FAIL("expected an exception");

@@ -106,7 +106,7 @@ struct ApsoBridge {
 // A prior that is off by more than a few centimetres makes walls look as if they moved: the motion of most tracks is a better one.
 void ApsoBridge::follow(const double* T_world_camera_previous) {
   const apso::LandmarkTrackerOptions standard;
-  motion.begin(tracks, depth, standard.depth, static_cast<float>(standard.inverse_depth_sigma));
+  motion.begin(tracks, depth, standard.depth, static_cast<float>(apso::kInverseDepthSigma));
   motion.weigh(pipeline.observation().mask.probability, standard.dynamic_threshold);  // that of the frame before is close enough
   followed = 0;
   if (T_world_camera_previous == nullptr) return;
@@ -146,7 +146,7 @@ apso::Matrix6 ApsoBridge::information(const ApsoBridgeKeypoint* list, int count,
     o.v = static_cast<double>(k.y);
     o.inverse_depth = k.depth > 0 ? 1 / static_cast<double>(k.depth) : 0.0;
     o.sigma = static_cast<double>(k.sigma);
-    o.inverse_depth_sigma = standard.inverse_depth_sigma;
+    o.inverse_depth_sigma = apso::kInverseDepthSigma;
     observations.push_back(o);
   }
   return apso::pose_information(camera, observations, T_world_feature);

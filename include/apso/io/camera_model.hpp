@@ -22,6 +22,7 @@ struct CameraModel {
   double depth_scale = 5000;                      ///< units of the depth image per metre
   double readout = 0;                             ///< time from the first row to the last [s]; 0: all rows at once (rolling_shutter.hpp)
   double stamp_delay = 0;                         ///< stamp of an image less the time at which its middle row was read [s]
+  double inverse_depth_sigma = 0;                 ///< of a depth, with what neighbours and frames share [1/m]; 0: not known
 
   /// Limits of what is taken for a camera, besides those of Pinhole.
   static constexpr double kMinDepthScale = 1e-3;  ///< [units per metre]: kilometres
@@ -29,6 +30,7 @@ struct CameraModel {
   static constexpr double kMaxDistortion = 1e6;   ///< of each coefficient
   static constexpr double kMaxReadout = 0.2;      ///< [s], in either direction
   static constexpr double kMaxStampDelay = 0.2;   ///< [s], in either direction
+  static constexpr double kMaxDepthSigma = 1;     ///< [1/m]
 
   [[nodiscard]] bool distorted() const { return k1 != 0 || k2 != 0 || p1 != 0 || p2 != 0 || k3 != 0; }
 
@@ -45,6 +47,7 @@ struct CameraModel {
             "CameraModel: depth_scale must be > 0, in [0.001, 1e9] units per metre");
     expects(std::abs(readout) <= kMaxReadout, "CameraModel: readout must be in [-0.2, 0.2] s");
     expects(std::abs(stamp_delay) <= kMaxStampDelay, "CameraModel: stamp_delay must be in [-0.2, 0.2] s");
+    expects(inverse_depth_sigma >= 0 && inverse_depth_sigma <= kMaxDepthSigma, "CameraModel: inverse_depth_sigma must be in [0, 1] 1/m");
     for (const double c : {k1, k2, p1, p2, k3})
       expects(std::abs(c) <= kMaxDistortion, "CameraModel: the distortion must be finite, in [-1e6, 1e6]");
   }
@@ -95,11 +98,15 @@ struct camera_traits<CameraModel> {
 /// Cameras of public data sets: tum-fr1, tum-fr2, tum-fr3 (Sturm et al. 2012), bonn (Palazzolo et al. 2019),
 /// icl-nuim (Handa et al. 2014). All 640 x 480 with 5000 depth units per metre. The Kinects and Xtions of tum-* and bonn read an image
 /// within 30 ms (docs/tracker.md; Kerl et al., ICCV 2015, simulate 28 ms). The Kinect of tum-fr1 stamps an image when it has been read:
-/// 15 ms after its middle row.
+/// 15 ms after its middle row. Their depth is from a disparity of structured light (Khoshelham and Elberink 2012), wrong by about half a
+/// pixel of it with calibration and registration: 0.5 / (580 px x 7.5 cm) = 0.012 1/m (docs/tracker.md).
 [[nodiscard]] inline CameraModel camera_by_name(const std::string& name) {
   const auto make = [&](double fx, double fy, double cx, double cy) {
     CameraModel c;
-    c.readout = name == "icl-nuim" ? 0 : 0.03;
+    if (name != "icl-nuim") {  // which is rendered
+      c.readout = 0.03;
+      c.inverse_depth_sigma = 0.012;
+    }
     c.name = name;
     c.pinhole = {fx, fy, cx, cy, 640, 480};
     return c;

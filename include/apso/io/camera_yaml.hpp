@@ -64,13 +64,15 @@ APSO_NAMESPACE_BEGIN
   for (const auto& entry : root) {
     std::string name;
     if (entry.first.IsScalar()) name = entry.first.Scalar();
-    static constexpr const char* known[] = {"name",    "fx",          "fy", "cx", "cy", "width", "height", "depth_scale",
-                                            "readout", "stamp_delay", "k1", "k2", "p1", "p2",    "k3"};
+    static constexpr const char* known[] = {
+        "name", "fx", "fy", "cx", "cy", "width", "height", "depth_scale", "readout", "stamp_delay", "inverse_depth_sigma",
+        "k1",   "k2", "p1", "p2", "k3"};
     bool found = false;
     for (const char* k : known) found = found || name == k;
     if (!found)
-      throw io_error(path + ":" + std::to_string(entry.first.Mark().line + 1) + ": field '" + printable(name) +
-                     "' is not known, expected name fx fy cx cy width height depth_scale readout stamp_delay k1 k2 p1 p2 k3");
+      throw io_error(
+          path + ":" + std::to_string(entry.first.Mark().line + 1) + ": field '" + printable(name) +
+          "' is not known, expected name fx fy cx cy width height depth_scale readout stamp_delay inverse_depth_sigma k1 k2 p1 p2 k3");
   }
   if (root["name"] && root["name"].IsScalar()) camera.name = root["name"].Scalar();
   number("fx", camera.pinhole.fx, true, Pinhole::kMinFocal, Pinhole::kMaxFocal);
@@ -85,6 +87,7 @@ APSO_NAMESPACE_BEGIN
   number("depth_scale", camera.depth_scale, true, CameraModel::kMinDepthScale, CameraModel::kMaxDepthScale);
   number("readout", camera.readout, false, -CameraModel::kMaxReadout, CameraModel::kMaxReadout);
   number("stamp_delay", camera.stamp_delay, false, -CameraModel::kMaxStampDelay, CameraModel::kMaxStampDelay);
+  number("inverse_depth_sigma", camera.inverse_depth_sigma, false, 0, CameraModel::kMaxDepthSigma);
   const auto distortion = [&](const char* name, double& value) {
     number(name, value, false, -CameraModel::kMaxDistortion, CameraModel::kMaxDistortion);
   };

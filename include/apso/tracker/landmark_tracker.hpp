@@ -50,6 +50,7 @@ class BasicLandmarkTracker {
     check_pose<PoseT>();
     camera_.validate();
     validate(options_, "tracker");
+    if (options_.inverse_depth_sigma == 0) options_.inverse_depth_sigma = kInverseDepthSigma;
   }
 
   /// Takes the features of a new frame. Nothing given is used after this call.

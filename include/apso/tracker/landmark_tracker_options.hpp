@@ -20,17 +20,20 @@ inline constexpr int kMinimumTrackInliers = 15;  ///< tracks that must agree to 
 /// A keyframe is due when inliers fall below this share of the most since the last (ORB-SLAM2).
 inline constexpr double kKeyframeShare = 0.75;
 
+/// Deviation of a depth measurement where nothing else is known: noise, registration, time offset [1/m].
+inline constexpr double kInverseDepthSigma = 0.003;
+
 /// Settings of the tracker. Where no source is named the value was chosen by hand; docs/quality.md shows what the tracker
 /// reaches with it.
 struct LandmarkTrackerOptions {
-  int levels = 8;                      ///< octaves of the keypoints: a setting of whoever finds them
-  double scale_factor = 1.2;           ///< between octaves
-  DepthRange depth{0.3F, 8.0F};        ///< depth used at keypoints [m]
-  double landmark_depth = 5.0;         ///< landmarks are created up to here [m]
-  double inverse_depth_sigma = 0.003;  ///< of a depth measurement: noise, registration, time offset [1/m]
-  double dynamic_threshold = 0.5;      ///< features at least this likely to be dynamic are not used
-  int min_inliers = 30;                ///< of the local map, for a valid pose (ORB-SLAM2)
-  int max_frames_on_tracks = 15;       ///< frames in a row that tracks may carry it; errors add up
+  int levels = 8;                  ///< octaves of the keypoints: a setting of whoever finds them
+  double scale_factor = 1.2;       ///< between octaves
+  DepthRange depth{0.3F, 8.0F};    ///< depth used at keypoints [m]
+  double landmark_depth = 5.0;     ///< landmarks are created up to here [m]
+  double inverse_depth_sigma = 0;  ///< of a depth measurement [1/m]; 0: that of the camera if it is known, else kInverseDepthSigma
+  double dynamic_threshold = 0.5;  ///< features at least this likely to be dynamic are not used
+  int min_inliers = 30;            ///< of the local map, for a valid pose (ORB-SLAM2)
+  int max_frames_on_tracks = 15;   ///< frames in a row that tracks may carry it; errors add up
   double keyframe_interval = 1.0;  ///< a keyframe is due after this time [s] (ORB-SLAM2: the frame rate), or when kKeyframeShare says so
   int max_keyframes = 300;         ///< older ones are forgotten
   std::uint64_t seed = 1;          ///< of RANSAC
@@ -45,7 +48,7 @@ struct LandmarkTrackerOptions {
   static void fields_but_octaves(Self& s, V&& v) {
     v("depth", s.depth);
     v("landmark_depth", s.landmark_depth, 0.1, 1000.0);
-    v("inverse_depth_sigma", s.inverse_depth_sigma, 1e-6, 1.0);
+    v("inverse_depth_sigma", s.inverse_depth_sigma, 0.0, 1.0);
     v("dynamic_threshold", s.dynamic_threshold, 0.01, 1.0);
     v("min_inliers", s.min_inliers, 3, 10000);
     v("max_frames_on_tracks", s.max_frames_on_tracks, 0, 1000000);
