@@ -3,7 +3,8 @@
 //   minimal_tracker FOLDER CAMERA TRAJECTORY      e.g. minimal_tracker fr3_walking_xyz tum-fr3 trajectory.txt
 //
 // FOLDER holds rgb.txt and depth.txt, or associations.txt. CAMERA is tum-fr1, tum-fr2, tum-fr3, bonn or icl-nuim, or numbers without
-// distortion: fx,fy,cx,cy,depth units per metre. TRAJECTORY is written: timestamp tx ty tz qx qy qz qw.
+// distortion: fx,fy,cx,cy,depth units per metre, and if it is known the deviation of an inverse depth [1/m]. TRAJECTORY is written:
+// timestamp tx ty tz qx qy qz qw.
 #include <cstdint>
 #include <cstdio>
 #include <exception>
@@ -49,7 +50,8 @@ std::vector<Images> list_images(const std::string& folder) {
 apso::CameraModel read_camera(const std::string& text, const cv::Size& size) {
   apso::CameraModel camera;
   apso::Pinhole& p = camera.pinhole;
-  if (std::sscanf(text.c_str(), "%lf,%lf,%lf,%lf,%lf", &p.fx, &p.fy, &p.cx, &p.cy, &camera.depth_scale) != 5)
+  double& sigma = camera.inverse_depth_sigma;
+  if (std::sscanf(text.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf", &p.fx, &p.fy, &p.cx, &p.cy, &camera.depth_scale, &sigma) < 5)
     return apso::camera_by_name(text);
   p.width = size.width;
   p.height = size.height;

@@ -43,7 +43,7 @@ TEST_CASE("the minimal tracker gives the trajectory of apso_track") {
   }
   pairs.close();
   const std::string again = (f.path / "again.txt").string();
-  REQUIRE(run(std::string(APSO_MINIMAL_TRACKER) + " " + room + " 535.4,539.2,320.1,247.6,5000 " + again, f.path).code == 0);
+  REQUIRE(run(std::string(APSO_MINIMAL_TRACKER) + " " + room + " 535.4,539.2,320.1,247.6,5000,0.012 " + again, f.path).code == 0);
   const apso::Trajectory c = apso::read_trajectory(again);
   REQUIRE(c.size() == a.size());
   CHECK(c.back().T_world_body.matrix() == a.back().T_world_body.matrix());
