@@ -162,7 +162,7 @@ Sequence open(const SequenceText& text, const Arguments& a) {
 }
 
 std::vector<track::MotionScore> run(Sequence& s, const Arguments& a, track::Config config) {
-  track::take_depth_noise(*s.source, config);
+  track::take_depth_noise(s.source->inverse_depth_sigma(), config);
   const apso::Pinhole camera = s.source->camera();
   Truth truth;
   apso::opencv::MotionFiles files;

@@ -90,7 +90,7 @@ Run::Run(const Arguments& a, std::string command)
   if (a_.no_refinement) options_.pipeline.refine = apso::RefinedFrames::None;
 
   source_ = track::open_source(a_);
-  track::take_depth_noise(*source_, options_);
+  track::take_depth_noise(source_->inverse_depth_sigma(), options_);
   if (!a_.spoil.empty()) source_ = track::spoiled(std::move(source_), a_.spoil, a_.max_frames);
   total_ = a_.max_frames > 0 ? std::min(a_.max_frames, source_->size()) : source_->size();
 

@@ -13,8 +13,6 @@
 #include <apso/opencv/feature_tracker.hpp>
 #include <apso/pipeline/pipeline.hpp>
 
-#include "frame_source.hpp"
-
 namespace track {
 
 struct Config {
@@ -40,10 +38,10 @@ inline Config read_config(const std::string& file) {
   return config;
 }
 
-/// The noise of the depth of a recording, where the settings do not tell it.
-inline void take_depth_noise(const FrameSource& source, Config& config) {
-  double& sigma = config.tracker.inverse_depth_sigma;
-  if (sigma == 0) sigma = source.inverse_depth_sigma();
+/// Takes the depth noise of a recording where the settings do not tell it.
+/// \param inverse_depth_sigma [1/m]; 0: not known
+inline void take_depth_noise(double inverse_depth_sigma, Config& config) {
+  if (config.tracker.inverse_depth_sigma == 0) config.tracker.inverse_depth_sigma = inverse_depth_sigma;
 }
 
 /// Prints every setting with its value and range, and how many there are in each group.

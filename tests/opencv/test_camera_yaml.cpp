@@ -53,7 +53,8 @@ TEST_CASE("a bad camera file names the field") {
   CHECK(contains(camera_error(kGood + "k1: .nan\n"), ":8: field k1 is .nan, expected a number in [-1e+06, 1e+06]"));
   CHECK(contains(camera_error(kGood + "readout: 30\n"), ":8: field readout is 30, expected a number in [-0.2, 0.2]"));
   CHECK(contains(camera_error(kGood + "stamp_delay: 15\n"), ":8: field stamp_delay is 15, expected a number in [-0.2, 0.2]"));
-  CHECK(contains(camera_error(kGood + "inverse_depth_sigma: 3\n"), ":8: field inverse_depth_sigma is 3, expected a number in [0, 1]"));
+  CHECK(contains(camera_error(kGood + "inverse_depth_sigma: 3\n"), ":8: field inverse_depth_sigma is 3, expected a number in [1e-06, 1]"));
+  CHECK(contains(camera_error(kGood + "inverse_depth_sigma: 1e-300\n"), ":8: field inverse_depth_sigma is 1e-300, expected a number in ["));
   CHECK(contains(camera_error(kGood + "colour: red\n"), "'colour' is not known"));
   CHECK(contains(camera_error("fx: -1\nfy: 510\n"), ":1: field fx is -1, expected a number in [0.001, 1e+06]"));
   CHECK(contains(camera_error("just text"), "expected fields"));

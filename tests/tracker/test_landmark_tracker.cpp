@@ -356,4 +356,7 @@ TEST_CASE("wrong calls of the tracker are told") {
   LandmarkTrackerOptions bad;
   bad.dynamic_threshold = 3;
   CHECK_THROWS_AS(LandmarkTracker(r.room.camera(), bad), contract_error);
+  LandmarkTrackerOptions too_exact;
+  too_exact.inverse_depth_sigma = 1e-300;  // its inverse is infinite
+  CHECK_THROWS_AS(LandmarkTracker(r.room.camera(), too_exact), contract_error);
 }

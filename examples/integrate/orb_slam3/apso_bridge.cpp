@@ -135,7 +135,6 @@ void ApsoBridge::add_bodies() {
 
 // How well the pose of the host is known by its matches.
 apso::Matrix6 ApsoBridge::information(const ApsoBridgeKeypoint* list, int count, const apso::Pose& T_world_feature) {
-  const apso::LandmarkTrackerOptions standard;
   observations.clear();
   for (int i = 0; i < count; ++i) {
     const ApsoBridgeKeypoint& k = list[i];

@@ -30,6 +30,7 @@ struct CameraModel {
   static constexpr double kMaxDistortion = 1e6;   ///< of each coefficient
   static constexpr double kMaxReadout = 0.2;      ///< [s], in either direction
   static constexpr double kMaxStampDelay = 0.2;   ///< [s], in either direction
+  static constexpr double kMinDepthSigma = 1e-6;  ///< [1/m], where it is known
   static constexpr double kMaxDepthSigma = 1;     ///< [1/m]
 
   [[nodiscard]] bool distorted() const { return k1 != 0 || k2 != 0 || p1 != 0 || p2 != 0 || k3 != 0; }
@@ -47,7 +48,8 @@ struct CameraModel {
             "CameraModel: depth_scale must be > 0, in [0.001, 1e9] units per metre");
     expects(std::abs(readout) <= kMaxReadout, "CameraModel: readout must be in [-0.2, 0.2] s");
     expects(std::abs(stamp_delay) <= kMaxStampDelay, "CameraModel: stamp_delay must be in [-0.2, 0.2] s");
-    expects(inverse_depth_sigma >= 0 && inverse_depth_sigma <= kMaxDepthSigma, "CameraModel: inverse_depth_sigma must be in [0, 1] 1/m");
+    expects(inverse_depth_sigma == 0 || (inverse_depth_sigma >= kMinDepthSigma && inverse_depth_sigma <= kMaxDepthSigma),
+            "CameraModel: inverse_depth_sigma must be 0 (not known) or in [1e-6, 1] 1/m");
     for (const double c : {k1, k2, p1, p2, k3})
       expects(std::abs(c) <= kMaxDistortion, "CameraModel: the distortion must be finite, in [-1e6, 1e6]");
   }
@@ -98,8 +100,8 @@ struct camera_traits<CameraModel> {
 /// Cameras of public data sets: tum-fr1, tum-fr2, tum-fr3 (Sturm et al. 2012), bonn (Palazzolo et al. 2019),
 /// icl-nuim (Handa et al. 2014). All 640 x 480 with 5000 depth units per metre. The Kinects and Xtions of tum-* and bonn read an image
 /// within 30 ms (docs/tracker.md; Kerl et al., ICCV 2015, simulate 28 ms). The Kinect of tum-fr1 stamps an image when it has been read:
-/// 15 ms after its middle row. Their depth is from a disparity of structured light (Khoshelham and Elberink 2012), wrong by about half a
-/// pixel of it with calibration and registration: 0.5 / (580 px x 7.5 cm) = 0.012 1/m (docs/tracker.md).
+/// 15 ms after its middle row. Their depth comes from a disparity of structured light, which proved to be wrong by about half a pixel with
+/// calibration and registration: 0.5 / (580 px x 7.5 cm) = 0.012 1/m (docs/tracker.md; tum-fr2 and tum-fr3 were not measured).
 [[nodiscard]] inline CameraModel camera_by_name(const std::string& name) {
   const auto make = [&](double fx, double fy, double cx, double cy) {
     CameraModel c;

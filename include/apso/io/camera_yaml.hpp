@@ -87,7 +87,7 @@ APSO_NAMESPACE_BEGIN
   number("depth_scale", camera.depth_scale, true, CameraModel::kMinDepthScale, CameraModel::kMaxDepthScale);
   number("readout", camera.readout, false, -CameraModel::kMaxReadout, CameraModel::kMaxReadout);
   number("stamp_delay", camera.stamp_delay, false, -CameraModel::kMaxStampDelay, CameraModel::kMaxStampDelay);
-  number("inverse_depth_sigma", camera.inverse_depth_sigma, false, 0, CameraModel::kMaxDepthSigma);
+  number("inverse_depth_sigma", camera.inverse_depth_sigma, false, CameraModel::kMinDepthSigma, CameraModel::kMaxDepthSigma);
   const auto distortion = [&](const char* name, double& value) {
     number(name, value, false, -CameraModel::kMaxDistortion, CameraModel::kMaxDistortion);
   };

@@ -51,6 +51,7 @@ class BasicLandmarkTracker {
     camera_.validate();
     validate(options_, "tracker");
     if (options_.inverse_depth_sigma == 0) options_.inverse_depth_sigma = kInverseDepthSigma;
+    expects(options_.inverse_depth_sigma >= 1e-6, "tracker: inverse_depth_sigma must be 0 (not known) or in [1e-6, 1] 1/m");
   }
 
   /// Takes the features of a new frame. Nothing given is used after this call.
