@@ -19,6 +19,8 @@
 #include <apso/pipeline/pipeline.hpp>
 
 #include "report/page.hpp"
+#include "report/pictures.hpp"
+#include "report/run_data.hpp"
 #include "track/arguments.hpp"
 #include "track/command_line.hpp"
 #include "track/config.hpp"

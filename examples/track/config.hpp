@@ -2,10 +2,8 @@
 /// The settings of apso_track, and of all programs that run it or write files for it.
 #pragma once
 
-#include <cstdio>
-#include <filesystem>
-#include <map>
 #include <string>
+#include <vector>
 
 #include <apso/io/parameters.hpp>
 #include <apso/observation/soft_weights.hpp>
@@ -30,13 +28,7 @@ struct Config {
 };
 
 /// The settings of a YAML file; the default ones without a file. Throws io_error naming file, line and field.
-inline Config read_config(const std::string& file) {
-  Config config;
-  if (file.empty()) return config;
-  if (std::filesystem::is_directory(file)) throw apso::io_error(file + ": is a folder, expected a YAML file with settings");
-  apso::read_parameters(file, config);
-  return config;
-}
+Config read_config(const std::string& file);
 
 /// Takes the depth noise of a recording where the settings do not tell it.
 /// \param inverse_depth_sigma [1/m]; 0: not known
@@ -45,18 +37,14 @@ inline void take_depth_noise(double inverse_depth_sigma, Config& config) {
 }
 
 /// Prints every setting with its value and range, and how many there are in each group.
-inline void print_settings(const Config& config) {
-  std::map<std::string, int> groups;
-  int count = 0;
-  for (const apso::Parameter& p : apso::list_parameters(config)) {
-    std::printf("%-62s %-16s %s\n", p.path.c_str(), p.value.c_str(), p.range.c_str());
-    const auto first = p.path.find('.');
-    const auto second = p.path.find('.', first + 1);
-    ++groups[p.path.substr(0, second == std::string::npos ? first : second)];
-    ++count;
-  }
-  std::printf("\n%d settings:\n", count);
-  for (const auto& [group, n] : groups) std::printf("  %4d %s\n", n, group.c_str());
-}
+void print_settings(const Config& config);
 
 }  // namespace track
+
+// Two hundred settings take long to compile: once, in config.cpp.
+APSO_NAMESPACE_BEGIN
+extern template std::vector<Parameter> list_parameters(const track::Config& options);
+extern template void set_parameter(track::Config& options, const std::string& path, const std::string& value);
+extern template void read_parameters(const std::string& file, track::Config& options);
+extern template std::string write_parameters(const track::Config& options);
+APSO_NAMESPACE_END
