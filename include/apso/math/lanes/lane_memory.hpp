@@ -21,11 +21,6 @@ template <int n>
 }
 
 #if defined(__GNUC__)
-#if defined(__has_builtin)
-#if __has_builtin(__builtin_shufflevector)
-#define APSO_HAS_SHUFFLEVECTOR 1
-#endif
-#endif
 namespace detail {
 /// The fours at base + at[0], at[4], at[8] ... one behind the other. Joined in registers: written to memory by fours, the
 /// whole could not be read back until all of them had reached the cache.
@@ -47,7 +42,6 @@ APSO_INLINE BasicLanes<n> join(const float* base, const std::int32_t* at) {
 #endif
   return r;
 }
-#undef APSO_HAS_SHUFFLEVECTOR
 /// Of each four lanes of a and b the first two (half = 0) or the last two (half = 1), in turn.
 template <int half, int n>
 APSO_INLINE BasicLanes<n> interleave(const BasicLanes<n>& a, const BasicLanes<n>& b) {

@@ -20,6 +20,11 @@
 #define APSO_INLINE inline
 #define APSO_FLATTEN
 #endif
+#if defined(__has_builtin)
+#if __has_builtin(__builtin_shufflevector)
+#define APSO_HAS_SHUFFLEVECTOR 1
+#endif
+#endif
 
 APSO_NAMESPACE_BEGIN
 
@@ -154,6 +159,14 @@ struct BasicLanes {
   template <class S, class = std::enable_if_t<std::is_arithmetic_v<S>>>
   APSO_INLINE BasicLanes(S number) {  // NOLINT: a number stands for lanes that all hold it
     const auto x = static_cast<float>(number);
+#if defined(APSO_HAS_SHUFFLEVECTOR)
+    // GCC takes a vector that is wider than those it compiles for apart, number by number, before it becomes part of a wide loop.
+    if constexpr (n == 8 && kLanes == 4) {
+      const BasicLanes<4> half = x;
+      v = __builtin_shufflevector(half.v, half.v, 0, 1, 2, 3, 4, 5, 6, 7);
+      return;
+    }
+#endif
 #if defined(__GNUC__)
     v = x - Vector{};
 #else
