@@ -72,7 +72,9 @@ void run(const std::string& folder, const std::string& camera_text, const std::s
   apso::opencv::FeatureTrackerOptions options;
   options.inverse_depth_sigma = model.inverse_depth_sigma;
   apso::opencv::FeatureTracker tracker(camera, options);  // ORB features, Lucas-Kanade tracks, a local map
-  apso::Pipeline pipeline(camera);
+  apso::PipelineOptions settings;
+  settings.refiner.follow_features = apso::follow_for_depth(model.inverse_depth_sigma);
+  apso::Pipeline pipeline(camera, settings);
   for (const Images& i : images) {
     rectifier.colour(cv::imread(i.colour), colour);
     rectifier.depth(cv::imread(i.depth, cv::IMREAD_UNCHANGED), depth_mat);

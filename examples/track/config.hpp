@@ -30,10 +30,13 @@ struct Config {
 /// The settings of a YAML file; the default ones without a file. Throws io_error naming file, line and field.
 Config read_config(const std::string& file);
 
-/// Takes the depth noise of a recording where the settings do not tell it.
+/// Takes the depth noise of a recording where the settings do not tell it, in the tracker and in the refiner.
 /// \param inverse_depth_sigma [1/m]; 0: not known
 inline void take_depth_noise(double inverse_depth_sigma, Config& config) {
+  if (inverse_depth_sigma == 0) return;
   if (config.tracker.inverse_depth_sigma == 0) config.tracker.inverse_depth_sigma = inverse_depth_sigma;
+  double& follow = config.pipeline.refiner.follow_features;
+  if (follow < 0) follow = apso::follow_for_depth(inverse_depth_sigma);
 }
 
 /// Prints every setting with its value and range, and how many there are in each group.

@@ -371,23 +371,9 @@ TEST_CASE("factors of the confidence are steps where their limits are equal") {
   CHECK(detail::rising(std::nan(""), .7, .9) == 0);
 }
 
-TEST_CASE("entropy of a pose and its ratio") {
-  AlignmentResult r;
-  r.covariance = Matrix6::Identity() * 1e-4;
-  const double centimetre = pose_entropy(r);
-  CHECK(centimetre == doctest::Approx(3 * std::log(2 * 3.14159265358979 * std::exp(1.0)) + 3 * std::log(1e-4)));
-  r.covariance *= 1e-2;
-  const double millimetre = pose_entropy(r);
-  CHECK(millimetre < centimetre);
-  CHECK(entropy_ratio(millimetre, millimetre) == 1);
-  CHECK(entropy_ratio(centimetre, millimetre) < .6);
-  r.degenerate_count = 1;
-  CHECK(entropy_ratio(pose_entropy(r), millimetre) == 0);
-}
-
 namespace {
-// What a refiner that has seen a few good frames makes of a bad one, `times` times in a row.
-Refinement refine_bad_frame(const RefinerOptions& options, int times = 1) {
+// What a refiner that has seen a few good frames makes of a bad one.
+Refinement refine_bad_frame(const RefinerOptions& options) {
   const Pinhole cam = room::camera(320);
   Refiner refiner(cam, options);
   for (int i = 0; i < 8; ++i) {
@@ -402,21 +388,48 @@ Refinement refine_bad_frame(const RefinerOptions& options, int times = 1) {
   in.T_world_feature = truth * room::pose(.04, .02, 0, 1, 0, 0);
   in.T_world_predicted = in.T_world_previous = truth;
   in.S_change = .5;
-  for (int i = 1; i < times; ++i) (void)refiner.refine(in);
   return refiner.refine(in);
 }
 }  // namespace
 
-TEST_CASE("a pose that is vague against those before it is refused when the entropy is asked for") {
-  RefinerOptions o;
-  o.confidence.min_entropy_ratio = 1.1;  // no pose is so much better than itself
-  CHECK(refine_bad_frame(o, 3).refined);
-  const Refinement r = refine_bad_frame(o, 4);
-  CHECK(succeeded(r.status));
-  CHECK_FALSE(r.refined);
-  CHECK(r.c_dir == 0);
-  o.confidence.min_entropy_ratio = .6;
-  CHECK(refine_bad_frame(o, 4).refined);
+TEST_CASE("references follow the feature poses of GOOD frames by the share that is asked for, others do not move") {
+  CHECK(follow_for_depth(0) == 0);
+  CHECK(follow_for_depth(.003) == 0);
+  CHECK(follow_for_depth(.012) == doctest::Approx(.3));
+  CHECK(follow_for_depth(1) < .4);
+  const Pinhole cam = room::camera(320);
+  const Pose first = room::pose(0, 0, 0, 0, 0, 0);
+  const Pose second = room::pose(.02, 0, .01, 0, .6, 0);
+  const room::Frame a = room::render(cam, first, {}, 1);
+  const room::Frame b = room::render(cam, second, {}, 2);
+  for (const double share : {0.0, .5}) {
+    for (const bool trusted : {true, false}) {
+      CAPTURE(share);
+      CAPTURE(trusted);
+      RefinerOptions o;
+      o.follow_features = share;
+      Refiner refiner(cam, o);
+      refiner.remember(a.view(0), none, first);
+      Refiner::Input in;
+      in.frame = b.view(1);  // a second later: it is stored as well
+      in.T_world_feature = second * room::pose(.004, -.002, 0, .1, 0, 0);
+      in.T_world_predicted = in.T_world_previous = second;
+      in.feature_trusted = trusted;
+      in.feature_information = 1e4 * Matrix6::Identity();
+      const Refinement r = refiner.refine(in);
+      REQUIRE(r.refined);
+      const Pose apart = in.T_world_feature * r.T_world_camera.inverse();
+      CHECK(apart.translation().norm() > 1e-4);
+      refiner.remember(in.frame, none, r.T_world_camera);
+      REQUIRE(refiner.memory().size() == 2);
+      const Pose moved = trusted ? se3_exp(share * se3_log(apart)) : Pose::Identity();
+      CHECK((refiner.memory().entry(0).T_world_reference.matrix() - (moved * first).matrix()).norm() < 1e-12);
+      CHECK((refiner.memory().entry(1).T_world_reference.matrix() - (moved * r.T_world_camera).matrix()).norm() < 1e-12);
+      // what a frame tells counts once
+      refiner.remember(room::render(cam, second, {}, 3).view(2), none, second);
+      CHECK((refiner.memory().entry(0).T_world_reference.matrix() - (moved * first).matrix()).norm() < 1e-12);
+    }
+  }
 }
 
 TEST_CASE("the printed forms together refine a frame by w_diff alone") {

@@ -4,27 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <apso/config.hpp>
-#include <apso/math/constants.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
-#include <apso/options.hpp>
 #include <apso/refinement/alignment_result.hpp>
 #include <apso/refinement/solver/degeneracy.hpp>
 #include <apso/status.hpp>
 
 APSO_NAMESPACE_BEGIN
-
-struct DirectConfidenceOptions {
-  double min_entropy_ratio = 0.0;  ///< a pose whose entropy is a smaller share of the typical one gets 0 (0.6 in DVO-SLAM,
-                                   ///< Kerl et al., IROS 2013); 0 = not asked
-  template <class Self, class V>
-  static void fields(Self& s, V&& v) {
-    v("min_entropy_ratio", s.min_entropy_ratio, 0.0, 10.0);
-  }
-};
 
 /// What a direct pose is worth.
 struct DirectConfidence {
@@ -66,22 +54,6 @@ inline constexpr double kAmbiguousFactor = 1.0 / 3;  // a pattern that repeats t
   c.determined = c.precise * c.agreement;
   c.c_dir = r.degenerate_count > 0 ? 0.0 : c.determined;
   return c;
-}
-
-/// Differential entropy of a pose, ln((2 pi e)^6 det(covariance)) / 2, with metres and radians; more negative = more
-/// certain. Infinite when a direction is not determined. For DirectConfidenceOptions::min_entropy_ratio.
-[[nodiscard]] inline double pose_entropy(const AlignmentResult& r) {
-  if (r.degenerate_count > 0) return std::numeric_limits<double>::infinity();
-  double log_determinant = 0;
-  const Twist eigenvalues = eigen_symmetric(r.covariance).values;
-  for (int i = 0; i < 6; ++i) log_determinant += std::log(eigenvalues(i));
-  return 0.5 * (6 * std::log(2 * kPi * std::exp(1.0)) + log_determinant);
-}
-
-/// How certain a pose is against a typical one, 1 = as much, by their entropies, which are negative for poses that are known
-/// to centimetres; 0 for a pose that is not determined.
-[[nodiscard]] inline double entropy_ratio(double entropy, double typical) {
-  return std::isfinite(entropy) && typical < 0 ? std::max(0.0, entropy / typical) : 0.0;
 }
 
 APSO_NAMESPACE_END

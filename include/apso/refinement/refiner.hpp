@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -13,7 +14,6 @@
 #include <apso/config.hpp>
 #include <apso/executor.hpp>
 #include <apso/math/se3.hpp>
-#include <apso/math/statistics.hpp>
 #include <apso/refinement/aligner.hpp>
 #include <apso/refinement/blend.hpp>
 #include <apso/refinement/confidence.hpp>
@@ -135,14 +135,19 @@ class BasicRefiner {
       last_ = {};
     }
     gate_.learn(frame.timestamp, T);
-    const bool store = memory_.wants(frame.timestamp, T);
+    Pose T_kept = T;
+    if (refined_now && options_.follow_features > 0) {
+      memory_.correct([&](double, const Pose& T_reference) { return std::optional<Pose>(compose(last_.T_followed_world, T_reference)); });
+      T_kept = compose(last_.T_followed_world, T);
+    }
+    const bool store = memory_.wants(frame.timestamp, T_kept);
     if (!store && !options_.memory.previous) return;
     if (!last_.seen || !options_.memory.previous) {
       pyramid_.build(frame, camera_, dynamic_probability, options_.pyramid, PyramidRole::Reference, executor);
       descriptor_ = {describe_(frame.depth(), dynamic_probability, options_.pyramid.depth), flow};
     }
-    if (store) memory_.insert(pyramid_, descriptor_, T);
-    if (options_.memory.previous) memory_.keep_previous(pyramid_, T);
+    if (store) memory_.insert(pyramid_, descriptor_, T_kept);
+    if (options_.memory.previous) memory_.keep_previous(pyramid_, T_kept);
   }
 
   /// Takes over poses of remembered frames that a back end has corrected; as ReferenceMemory::correct().
@@ -154,7 +159,6 @@ class BasicRefiner {
   /// Forgets everything, as at construction.
   void reset() {
     memory_.clear();
-    entropy_.clear();
     gate_.reset();
     last_ = {};
   }
@@ -164,9 +168,6 @@ class BasicRefiner {
   [[nodiscard]] ReferenceMemory& memory() { return memory_; }
 
  private:
-  static constexpr int kWindow = 60;     // samples of the running median
-  static constexpr int kMinSamples = 3;  // until there are so many, the start value counts
-
   // The frame that was refined last.
   struct LastRefined {
     bool pending = false;  // whether it is a good one is not known yet
@@ -174,6 +175,7 @@ class BasicRefiner {
     bool trusted = false;
     double timestamp = 0;
     Pose T_world_direct = identity_pose();
+    Pose T_followed_world = identity_pose();  // by which all references are to move
   };
 
   void check() const {
@@ -224,6 +226,7 @@ class BasicRefiner {
       r.w_diff = b.w_diff;
       r.w_eff = b.w_eff;
       r.gated = b.gated;
+      follow(in, r);
     } else if (r.refined) {  // nothing to blend with: the direct pose, if it is believed at all
       r.T_world_camera = r.T_world_direct;
       r.w_eff = 0;
@@ -231,6 +234,13 @@ class BasicRefiner {
     last_.trusted = r.refined;
     last_.T_world_direct = r.T_world_direct;
     return r;
+  }
+
+  // A direct pose hangs on poses like itself, and drifts: a part of what the map says against it counts for all references.
+  void follow(const Input& in, const Refinement& r) {
+    if (!(options_.follow_features > 0) || !in.feature_trusted || !r.refined || r.gated) return;
+    const Twist apart = se3_log(compose(in.T_world_feature, inverse(r.T_world_camera)));
+    last_.T_followed_world = se3_exp(options_.follow_features * apart);
   }
 
   // Prediction or previous pose, whichever is nearer to one of both poses: a prediction from wrong tracks may be far off.
@@ -274,17 +284,9 @@ class BasicRefiner {
     if (!r.too_fast) {
       const DirectConfidence c = direct_confidence(r.alignment);
       r.c_dir = feature_ok && options_.blend.form == BlendForm::InformationWeighted ? c.determined : c.c_dir;
-      if (r.c_dir < options_.min_confidence || vague(r.alignment)) r.c_dir = 0;
+      if (r.c_dir < options_.min_confidence) r.c_dir = 0;
     }
     r.refined = r.c_dir > 0 || (options_.blend.weight == BlendWeight::Printed && !r.too_fast);
-  }
-  // The entropy-ratio gate of DVO-SLAM, against the direct poses that were believed.
-  bool vague(const AlignmentResult& a) {
-    if (!(options_.confidence.min_entropy_ratio > 0)) return false;
-    const double entropy = pose_entropy(a);
-    const bool vague = entropy_.size() >= kMinSamples && entropy_ratio(entropy, entropy_.median()) < options_.confidence.min_entropy_ratio;
-    if (!vague) entropy_.add(entropy);
-    return vague;
   }
 
   Pinhole camera_;
@@ -298,7 +300,6 @@ class BasicRefiner {
   std::vector<Pose> candidates_;
   SpeedGate gate_;
   LastRefined last_;
-  RunningMedian entropy_{kWindow};
 };
 using Refiner = BasicRefiner<>;
 

@@ -5,22 +5,31 @@
 #include <apso/config.hpp>
 #include <apso/refinement/alignment_options.hpp>
 #include <apso/refinement/blend.hpp>
-#include <apso/refinement/confidence.hpp>
 #include <apso/refinement/memory/reference_memory.hpp>
 #include <apso/refinement/pyramid/pyramid_options.hpp>
 
 APSO_NAMESPACE_BEGIN
+
+/// RefinerOptions::follow_features for a camera: 0 where the errors of its depths are independent, up to 0.4 where they are shared by
+/// neighbours and stay from frame to frame, so that direct poses drift more than the map (docs/tracker.md).
+/// \param inverse_depth_sigma of a depth, with what its neighbours share [1/m] (CameraModel::inverse_depth_sigma); 0: not known
+[[nodiscard]] inline double follow_for_depth(double inverse_depth_sigma) {
+  constexpr double kIndependent = 0.003;  // [1/m]
+  constexpr double kMost = 0.4;
+  return inverse_depth_sigma > kIndependent ? kMost * (1 - kIndependent / inverse_depth_sigma) : 0.0;
+}
 
 struct RefinerOptions {
   PyramidOptions pyramid;
   AlignmentOptions alignment;
   MemoryOptions memory;
   BlendOptions blend;
-  DirectConfidenceOptions confidence;
   double min_confidence = 0.5;  ///< a direct pose of less confidence is not used at all: far off, it drags all the same
   bool require_mask = true;     ///< no refinement of a highly dynamic frame when nobody knows what moves
   double velocity_gate = 1;     ///< multiple of the speed beyond which a direct pose is not believed (see SpeedGate);
                                 ///< 0 = every speed is believed
+  double follow_features = -1;  ///< share of the way from the joined pose of a GOOD frame to its feature pose by which all references
+                                ///< move, [0,1]; -1: follow_for_depth() where a program knows its camera, else 0
   RefinerOptions() { alignment.depth_alone = true; }  // frames of a flash or in the dark are to be repaired here
   template <class Self, class V>
   static void fields(Self& s, V&& v) {
@@ -28,10 +37,10 @@ struct RefinerOptions {
     v("alignment", s.alignment);
     v("memory", s.memory);
     v("blend", s.blend);
-    v("confidence", s.confidence);
     v("min_confidence", s.min_confidence, 0.0, 1.0);
     v("require_mask", s.require_mask);
     v("velocity_gate", s.velocity_gate, 0.0, 1e6);
+    v("follow_features", s.follow_features, -1.0, 1.0);
   }
 };
 
@@ -50,6 +59,7 @@ struct RefinerOptions {
   o.blend.weight = BlendWeight::Printed;
   o.require_mask = false;
   o.velocity_gate = 0;
+  o.follow_features = 0;
   return o;
 }
 
