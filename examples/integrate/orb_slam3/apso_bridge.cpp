@@ -47,16 +47,22 @@ void write(const apso::Pose& T, double* m) {
 
 struct ApsoBridge {
   ApsoBridge(const apso::Pinhole& c, const ApsoBridgeOptions& o)
-      : own_thread(o.own_thread != 0), camera(c), pipeline(c, pipeline_options(o)) {}
+      : own_thread(o.own_thread != 0),
+        depth_sigma(o.inverse_depth_sigma > 0 ? o.inverse_depth_sigma : apso::kInverseDepthSigma),
+        camera(c),
+        pipeline(c, pipeline_options(o)) {}
   ~ApsoBridge() {
     if (pending.valid()) pending.wait();
   }
   static apso::PipelineOptions pipeline_options(const ApsoBridgeOptions& o) {
     apso::expects(o.refine >= APSO_REFINE_NONE && o.refine <= APSO_REFINE_EVERY, "ApsoBridgeOptions: refine is none of APSO_REFINE_*");
+    apso::expects(o.inverse_depth_sigma == 0 || (o.inverse_depth_sigma >= 1e-6 && o.inverse_depth_sigma <= 1),
+                  "ApsoBridgeOptions: inverse_depth_sigma must be 0 (not known) or in [1e-6, 1] 1/m");
     apso::PipelineOptions options;
     options.refine = o.refine == APSO_REFINE_EVERY ? apso::RefinedFrames::Every
                      : o.refine == APSO_REFINE_BAD ? apso::RefinedFrames::BadOnly
                                                    : apso::RefinedFrames::None;
+    options.refiner.follow_features = apso::follow_for_depth(o.inverse_depth_sigma);
     options.assessor.decision.innovation = false;  // the hook holds the host's pose against the corners itself
     return options;
   }
@@ -83,6 +89,7 @@ struct ApsoBridge {
   [[nodiscard]] apso::Matrix6 information(const ApsoBridgeKeypoint* list, int count, const apso::Pose& T_world_feature);
 
   bool own_thread;
+  double depth_sigma;  // [1/m]
   apso::Pinhole camera;
   Pipeline pipeline;
   std::future<void> pending;
@@ -106,7 +113,7 @@ struct ApsoBridge {
 // A prior that is off by more than a few centimetres makes walls look as if they moved: the motion of most tracks is a better one.
 void ApsoBridge::follow(const double* T_world_camera_previous) {
   const apso::LandmarkTrackerOptions standard;
-  motion.begin(tracks, depth, standard.depth, static_cast<float>(apso::kInverseDepthSigma));
+  motion.begin(tracks, depth, standard.depth, static_cast<float>(depth_sigma));
   motion.weigh(pipeline.observation().mask.probability, standard.dynamic_threshold);  // that of the frame before is close enough
   followed = 0;
   if (T_world_camera_previous == nullptr) return;
@@ -145,7 +152,7 @@ apso::Matrix6 ApsoBridge::information(const ApsoBridgeKeypoint* list, int count,
     o.v = static_cast<double>(k.y);
     o.inverse_depth = k.depth > 0 ? 1 / static_cast<double>(k.depth) : 0.0;
     o.sigma = static_cast<double>(k.sigma);
-    o.inverse_depth_sigma = apso::kInverseDepthSigma;
+    o.inverse_depth_sigma = depth_sigma;
     observations.push_back(o);
   }
   return apso::pose_information(camera, observations, T_world_feature);
@@ -190,7 +197,7 @@ extern "C" {
 
 ApsoBridge* apso_bridge_create(double fx, double fy, double cx, double cy, int width, int height, const ApsoBridgeOptions* options) {
   try {
-    const ApsoBridgeOptions standard{APSO_REFINE_EVERY, 1};
+    const ApsoBridgeOptions standard{APSO_REFINE_EVERY, 1, 0};
     return new ApsoBridge(apso::Pinhole{fx, fy, cx, cy, width, height}, options != nullptr ? *options : standard);
   } catch (const std::exception&) {
     return nullptr;

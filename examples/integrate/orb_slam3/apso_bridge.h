@@ -24,6 +24,7 @@ enum { APSO_REFINE_NONE = 0, APSO_REFINE_BAD = 1, APSO_REFINE_EVERY = 2 };
 typedef struct {
   int refine;     /* APSO_REFINE_EVERY; with APSO_REFINE_BAD GOOD frames keep the pose of the host */
   int own_thread; /* 1: GOOD frames are refined and remembered beside the work of the host; 0: within apso_bridge_conclude() */
+  double inverse_depth_sigma; /* of a depth, with what its neighbours share [1/m]: 0.012 for a Kinect or an Xtion; 0: not known */
 } ApsoBridgeOptions;
 
 typedef struct {

@@ -27,6 +27,7 @@ struct ApsoHookOptions {
                                    // the host does until it needs their pose again (Settle())
   int corners = 400;               // so many are followed for that; 0: by depth alone
   bool drop_moved = true;          // map points that lie on something that begins to move are taken out of the map
+  double inverse_depth_sigma = 0;  // of a depth, with what its neighbours share [1/m]: 0.012 for a Kinect or an Xtion; 0: not known
 };
 
 class ApsoHook {
@@ -125,7 +126,7 @@ class ApsoHook {
       std::copy(p.data(), p.data() + 3, keypoints_.back().point);
     }
     // A few matches, or fewer than there are corners, that contradict the corners are on something that moves, or wrong.
-    const bool outnumbered = followed_count_ > 0 && matches < std::max(kFewMatches, followed_count_);
+    const bool outnumbered = followed_count_ > 0 && matches < std::max(int{kFewMatches}, followed_count_);
     if (ok && outnumbered && !Near(frame.GetPose(), ReadInverse(predicted_))) ok = false;
     double T[12] = {};
     if (ok) {
@@ -249,17 +250,19 @@ class ApsoHook {
     step_ = false;
   }
 
-  // 255 where something moves, else 0, of the frame that was begun; valid until the next one. For a dense map, a path planner ...
+  // 255 where something moves, else 0, of the frame that was begun; valid until the next one, empty before the first. For a dense
+  // map, a path planner ...
   cv::Mat Mask() {
     Wait();
-    return cv::Mat(depth_.rows, depth_.cols, CV_8UC1, const_cast<unsigned char*>(apso_bridge_mask(bridge_)));
+    const unsigned char* mask = bridge_ ? apso_bridge_mask(bridge_) : nullptr;
+    return mask ? cv::Mat(depth_.rows, depth_.cols, CV_8UC1, const_cast<unsigned char*>(mask)) : cv::Mat();
   }
   // Of the frame that was tracked last; once the next one is begun, or after Settle(), with its refined pose.
   const ApsoBridgeReport& Report() {
     Wait();
     return report_;
   }
-  ApsoBridgeTimes Times() { return apso_bridge_times(bridge_); }
+  ApsoBridgeTimes Times() { return bridge_ ? apso_bridge_times(bridge_) : ApsoBridgeTimes(); }
   double Waited() const { return waited_; }  // how long the host has waited for the mask of the frame [ms]
   int Dropped() const { return dropped_; }   // map points so far
 
@@ -479,10 +482,12 @@ class ApsoHook {
   }
   void Create(int width, int height) {
     if (bridge_) return;
-    const ApsoBridgeOptions options = {options_.refine, options_.own_thread ? 1 : 0};
+    const ApsoBridgeOptions options = {options_.refine, options_.own_thread ? 1 : 0, options_.inverse_depth_sigma};
     bridge_ = apso_bridge_create(fx_, fy_, cx_, cy_, width, height, &options);
     if (!bridge_)
-      throw std::invalid_argument("ApsoHook: fx and fy must be positive, the image at least 16 x 16, refine one of APSO_REFINE_*");
+      throw std::invalid_argument(
+          "ApsoHook: fx and fy must be positive, the image at least 16 x 16, refine one of APSO_REFINE_*, inverse_depth_sigma 0 or in "
+          "[1e-6, 1] 1/m");
     report_.keyframe_allowed = 1;
   }
   void Check(int failed) const {

@@ -80,18 +80,20 @@ void list_edges(Tracking& t, const std::vector<int>& frame_of, HostMap* map) {
 }  // namespace
 
 void run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostMap* map,
-              int refine, int own_thread) {
+              const HostOptions& chosen) {
   Eigen::Matrix3f K = Eigen::Matrix3f::Identity();
   K(0, 0) = K(1, 1) = f;
   K(0, 2) = cx;
   K(1, 2) = cy;
   Tracking tracking(K, width, height);
-  if (refine != ApsoHookOptions().refine || own_thread == 0) {
-    ApsoHookOptions options;
-    options.refine = refine;
-    options.own_thread = own_thread != 0;
+  ApsoHookOptions options;
+  if (chosen.refine != options.refine || chosen.own_thread == 0 || chosen.inverse_depth_sigma > 0) {
+    options.refine = chosen.refine;
+    options.own_thread = chosen.own_thread != 0;
+    options.inverse_depth_sigma = chosen.inverse_depth_sigma;
     tracking.mpApso.reset(new ApsoHook(f, f, cx, cy, options));
   }
+  map->silent = tracking.mpApso->Mask().empty() && tracking.mpApso->Times().observed == 0 ? 1 : 0;
   Sophus::SE3f T_map;
   int hidden = 0;
   std::vector<int> frame_of;  // of each keyframe

@@ -51,8 +51,13 @@ struct HostMap {
   HostEdge* edges;  // of a bundle adjustment of all keyframes but every fifth, those of even numbers fixed
   int edges_room;
   int edges_count;
+  int silent;  // before the first frame the hook had neither a mask nor times
 };
 
-// refine: APSO_REFINE_*
+struct HostOptions {
+  int refine;  // APSO_REFINE_*
+  int own_thread;
+  double inverse_depth_sigma;  // [1/m]; 0: not known
+};
 void run_host(const PlayedFrame* frames, int count, float f, float cx, float cy, int width, int height, HostResult* out, HostMap* map,
-              int refine, int own_thread);
+              const HostOptions& chosen);

@@ -60,14 +60,15 @@ struct Recording {
     played[kLost].ok = 0;
   }
   // most tests: a GOOD frame keeps the pose it is given
-  [[nodiscard]] std::vector<HostResult> run(int refine = APSO_REFINE_BAD, bool own_thread = true) {
+  [[nodiscard]] std::vector<HostResult> run(int refine = APSO_REFINE_BAD, bool own_thread = true, double inverse_depth_sigma = 0) {
     std::vector<HostResult> out(frames.size());
     const Pinhole c = sequence.camera();
     map.resize(10000);
     edges.resize(1000);
-    HostMap end{map.data(), static_cast<int>(map.size()), 0, edges.data(), static_cast<int>(edges.size()), 0};
+    HostMap end{map.data(), static_cast<int>(map.size()), 0, edges.data(), static_cast<int>(edges.size()), 0, 0};
     run_host(played.data(), static_cast<int>(frames.size()), static_cast<float>(c.fx), static_cast<float>(c.cx), static_cast<float>(c.cy),
-             c.width, c.height, out.data(), &end, refine, own_thread ? 1 : 0);
+             c.width, c.height, out.data(), &end, {refine, own_thread ? 1 : 0, inverse_depth_sigma});
+    CHECK(end.silent == 1);
     map.resize(static_cast<std::size_t>(end.points_count));
     edges.resize(static_cast<std::size_t>(end.edges_count));
     return out;
@@ -421,16 +422,44 @@ TEST_CASE("where the pose that is expected is wrong, the corners that were follo
   apso_bridge_destroy(b);
 }
 
+TEST_CASE("a hook that knows how exact the depth is loses less to an error that stays in the image") {
+  Recording recording("static_xyz");
+  for (testing::SyntheticFrame& f : recording.frames) {
+    for (int y = 0; y < f.depth.height(); ++y) {
+      for (int x = 0; x < f.depth.width(); ++x) {
+        float& z = f.depth(x, y);
+        const double error = 0.012 * std::cos(2.5 * x / f.depth.width()) * std::cos(1.5 * y / f.depth.height());
+        if (z > 0) z = static_cast<float>(1 / (1 / static_cast<double>(z) + error));
+      }
+    }
+  }
+  const auto error = [&](double inverse_depth_sigma) {
+    const std::vector<HostResult> r = recording.run(APSO_REFINE_EVERY, true, inverse_depth_sigma);
+    double sum = 0;
+    for (std::size_t k = 0; k < r.size(); ++k) sum += recording.error(r[k].pose, k);
+    return sum;
+  };
+  const double unknown = error(0);
+  const double known = error(0.012);
+  CAPTURE(unknown);
+  CAPTURE(known);
+  CHECK(known < 0.9 * unknown);
+}
+
 TEST_CASE("the bridge says what is wrong") {
   CHECK(apso_bridge_create(0, 500, 320, 240, 640, 480, nullptr) == nullptr);
-  const ApsoBridgeOptions unknown{7, 1};
+  const ApsoBridgeOptions unknown{7, 1, 0};
   CHECK(apso_bridge_create(300, 300, 160, 120, 320, 240, &unknown) == nullptr);
+  for (const double sigma : {-0.01, 1e-300, 3.0, std::nan("")}) {
+    const ApsoBridgeOptions of_depth{APSO_REFINE_EVERY, 1, sigma};
+    CHECK(apso_bridge_create(300, 300, 160, 120, 320, 240, &of_depth) == nullptr);
+  }
   const std::vector<unsigned char> grey(320 * 240, 100);
   const std::vector<float> depth(320 * 240, 1.0F);
   const std::vector<float> behind(320 * 240, 3.0F);
   for (const int own_thread : {0, 1}) {
     CAPTURE(own_thread);
-    const ApsoBridgeOptions options{APSO_REFINE_BAD, own_thread};
+    const ApsoBridgeOptions options{APSO_REFINE_BAD, own_thread, 0};
     ApsoBridge* b = apso_bridge_create(300, 300, 160, 120, 320, 240, &options);
     REQUIRE(b != nullptr);
     const auto error = [b] { return std::string(apso_bridge_error(b)); };
