@@ -34,6 +34,7 @@ inline std::vector<Variant> fixed_variants() {
       {"no_refinement", "the poses of the features alone", {{"pipeline.refine", "none"}}, ""},
       {"bad_only", "GOOD frames keep the pose of the features", {{"pipeline.refine", "bad_only"}}, ""},
       {"no_previous", "no alignment to the frame before", {{refiner("memory.previous"), "false"}}, ""},
+      {"no_following", "references do not follow the features", {{refiner("follow_features"), "0"}}, ""},
       {"screw_blend", "blend along the screw, one weight for all directions", {{refiner("blend.form"), "screw_linear"}}, ""},
       {"one_reference", "alignment to one reference", {{refiner("memory.references"), "1"}}, ""},
       {"sum_distance", "distance to a reference as a sum, as printed", {{refiner("memory.form"), "sum"}}, ""},
