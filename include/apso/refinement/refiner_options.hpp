@@ -7,6 +7,7 @@
 #include <apso/refinement/blend.hpp>
 #include <apso/refinement/memory/reference_memory.hpp>
 #include <apso/refinement/pyramid/pyramid_options.hpp>
+#include <apso/types/frame.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -14,9 +15,8 @@ APSO_NAMESPACE_BEGIN
 /// neighbours and stay from frame to frame, so that direct poses drift more than the map (docs/tracker.md).
 /// \param inverse_depth_sigma of a depth, with what its neighbours share [1/m] (CameraModel::inverse_depth_sigma); 0: not known
 [[nodiscard]] inline double follow_for_depth(double inverse_depth_sigma) {
-  constexpr double kIndependent = 0.003;  // [1/m]
   constexpr double kMost = 0.4;
-  return inverse_depth_sigma > kIndependent ? kMost * (1 - kIndependent / inverse_depth_sigma) : 0.0;
+  return inverse_depth_sigma > kInverseDepthSigma ? kMost * (1 - kInverseDepthSigma / inverse_depth_sigma) : 0.0;
 }
 
 struct RefinerOptions {

@@ -20,9 +20,6 @@ inline constexpr int kMinimumTrackInliers = 15;  ///< tracks that must agree to 
 /// A keyframe is due when inliers fall below this share of the most since the last (ORB-SLAM2).
 inline constexpr double kKeyframeShare = 0.75;
 
-/// Deviation of a depth measurement where nothing else is known: noise, registration, time offset [1/m].
-inline constexpr double kInverseDepthSigma = 0.003;
-
 /// Settings of the tracker. Where no source is named the value was chosen by hand; docs/quality.md shows what the tracker
 /// reaches with it.
 struct LandmarkTrackerOptions {

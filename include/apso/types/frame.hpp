@@ -49,4 +49,8 @@ inline constexpr float kDepthNoiseFloor = 1e-3F;  ///< [m]
   return s > kDepthNoiseFloor ? s : kDepthNoiseFloor;
 }
 
+/// Standard deviation of an inverse depth of a camera that says nothing of it: noise, registration and time offset, independent from depth
+/// to depth [1/m]. What is more than this is taken to be shared by neighbours (CameraModel::inverse_depth_sigma).
+inline constexpr double kInverseDepthSigma = 0.003;
+
 APSO_NAMESPACE_END
