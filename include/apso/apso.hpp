@@ -141,6 +141,7 @@
 #include <apso/refinement/memory/frame_descriptor.hpp>
 #include <apso/refinement/memory/motion_distance.hpp>
 #include <apso/refinement/memory/reference_memory.hpp>
+#include <apso/refinement/motion_prior.hpp>
 #include <apso/refinement/pyramid/first_level.hpp>
 #include <apso/refinement/pyramid/pixel_block.hpp>
 #include <apso/refinement/pyramid/pixel_list.hpp>

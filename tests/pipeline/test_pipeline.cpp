@@ -305,6 +305,33 @@ TEST_CASE(
   CHECK(near.source == PoseSource::Features);
 }
 
+TEST_CASE("a BAD frame without a direct pose is held by the prediction, unless only the paper's switch is asked for") {
+  for (const RefinedFrames refine : {RefinedFrames::Every, RefinedFrames::BadOnly, RefinedFrames::None}) {
+    CAPTURE(static_cast<int>(refine));
+    PipelineOptions o = quick_start();
+    o.refine = refine;
+    Host host("static_xyz", 0, o);
+    const Matrix6 information = Matrix6::Identity() / (0.01 * 0.01);  // 1 cm, 0.6 degrees
+    int i = 0;
+    for (; i < 12; ++i) host.step(i);
+    host.blank = true;
+    for (int k = 0; k < 4; ++k, ++i) {  // off to one side and to the other
+      CAPTURE(k);
+      Pose T_shaken = host.truth(i);
+      T_shaken(0, 3) += k % 2 == 0 ? 0.03 : -0.03;
+      const FrameReport& r = host.step(i, Pose::Identity(), true, 0.0F, &T_shaken, information);
+      REQUIRE(r.state == SceneState::Bad);
+      REQUIRE_FALSE(r.refined);
+      const bool filtered = refine == RefinedFrames::Every;
+      CHECK(r.source == (filtered ? PoseSource::Filtered : PoseSource::Features));
+      const double off = (inverse(host.truth(i)) * r.T_world_camera).translation().norm();
+      CHECK((filtered ? off < 0.015 : std::abs(off - 0.03) < 1e-6));
+      CHECK((inverse(T_shaken) * r.T_world_feature).translation().norm() < 1e-9);
+      CHECK_FALSE(r.keyframe_allowed);
+    }
+  }
+}
+
 TEST_CASE("an alignment that leaves open where a feature pose lies does not confirm it") {
   PipelineOptions o = quick_start();
   o.refiner.velocity_gate = 0.001;  // no direct pose is believed
@@ -321,6 +348,27 @@ TEST_CASE("an alignment that leaves open where a feature pose lies does not conf
   CHECK((inverse(T_wrong) * r.refinement.T_world_direct).translation().norm() < 0.05);  // it has stayed where it began
   CHECK(r.source == PoseSource::Prediction);
   CHECK((inverse(host.truth(i)) * r.T_world_camera).translation().norm() < 1e-9);
+}
+
+TEST_CASE("a direct pose with an open direction takes the place of a feature pose only if the frame before was measured") {
+  for (const bool lost : {false, true}) {
+    CAPTURE(lost);
+    Host host("static_static", 0, quick_start());
+    host.bare_wall = true;
+    int i = 0;
+    for (; i < 12; ++i) host.step(i);
+    if (lost)
+      REQUIRE(host.step(i++, make_pose(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.5, 0, 0)), false, 0.0F).state == SceneState::Lost);
+    Pose T_wrong = host.truth(i);
+    T_wrong = compose(T_wrong, make_pose(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.35)));  // nearer to the wall than it is
+    const FrameReport& r = host.step(i, Pose::Identity(), true, 0.0F, &T_wrong);
+    REQUIRE(r.refinement.status == Status::Degenerate);
+    REQUIRE(r.refinement.refined);
+    REQUIRE(r.refinement.w_eff == 0);
+    CHECK(r.refined == !lost);
+    CHECK(r.source == (lost ? PoseSource::Prediction : PoseSource::Direct));
+    CHECK(r.state == (lost ? SceneState::Lost : SceneState::Bad));
+  }
 }
 
 TEST_CASE("a camera that is found again far from where it was lost is believed once a second pose goes on from the first") {

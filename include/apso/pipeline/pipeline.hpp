@@ -34,6 +34,7 @@
 #include <apso/pipeline/requirements.hpp>
 #include <apso/pipeline/working_copy.hpp>
 #include <apso/quality/assessor.hpp>
+#include <apso/refinement/motion_prior.hpp>
 #include <apso/refinement/refiner.hpp>
 #include <apso/traits/pose.hpp>
 #include <apso/traits/ranges.hpp>
@@ -223,6 +224,7 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   ObjectTracker objects_;
   AssessorT assessor_;
   RefinerT refiner_;
+  MotionPrior prior_;
   Step next_ = Step::Observe;
   detail::WorkingCopy work_;
   DynamicMask external_;

@@ -149,10 +149,12 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     // An open direction keeps the pose that the alignment began at, so that it confirms nothing.
     const Status status = report_.refinement.status;
     confirmed = feature_ok_ && succeeded(status) && status != Status::Degenerate && near_feature(report_.refinement.T_world_direct);
-    report_.refined = report_.refinement.refined;
+    // Where nothing was measured before, an open direction has kept a guess: such a pose is not taken alone.
+    const bool alone = !feature_ok_ || !(report_.refinement.w_eff > 0);
+    report_.refined = report_.refinement.refined && (previous_measured_ || !alone || status != Status::Degenerate);
     if (report_.refined) {
       T_world_camera = report_.refinement.T_world_camera;
-      report_.source = !feature_ok_ || !(report_.refinement.w_eff > 0) ? PoseSource::Direct : PoseSource::Joined;
+      report_.source = alone ? PoseSource::Direct : PoseSource::Joined;
     }
     report_.refinement.T_world_camera = told(report_.refinement.T_world_camera);
     report_.refinement.T_world_direct = told(report_.refinement.T_world_direct);
@@ -164,10 +166,20 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     T_world_camera = T_world_predicted_;
     report_.source = PoseSource::Prediction;
     if (!feature_ok_ || !previous_measured_) report_.state = SceneState::Lost;
+    report_.state == SceneState::Lost ? prior_.lost() : prior_.predicted();
+  } else if (report_.refined) {
+    prior_.refined();
+  } else if (bad && options_.refine == RefinedFrames::Every && prior_.ready() && near_feature(T_world_predicted_)) {
+    // A BAD frame without a direct pose: the camera has mass, so that the prediction tells something beside few or wrong features.
+    T_world_camera = prior_.join(T_world_feature_, T_world_predicted_, feature_information_);
+    report_.source = PoseSource::Filtered;
+  } else {
+    prior_.measured(feature_information_);
   }
+  T_world_camera = normalized(T_world_camera);
+  if (report_.state == SceneState::Good && previous_measured_) prior_.learn(T_world_predicted_, T_world_camera);
   previous_measured_ = report_.source != PoseSource::Prediction;
 
-  T_world_camera = normalized(T_world_camera);
   report_.T_world_camera = from_pose<P>(told(T_world_camera));
   // Where the features have failed, a sure direct pose may be built upon, or a tracker that has lost its map never finds a new
   // one. The paper's switch builds on GOOD frames only.
@@ -227,6 +239,7 @@ void BasicPipeline<P, M, A, R>::reset() {
   objects_.reset();
   assessor_.reset();
   refiner_.reset();
+  prior_.reset();
   observation_ = {};
   report_ = Report{};
   next_ = Step::Observe;

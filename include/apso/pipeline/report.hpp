@@ -18,9 +18,10 @@ enum class PoseSource {
   Features,    ///< as the feature tracker gave it
   Joined,      ///< of features and direct alignment
   Direct,      ///< direct alignment alone
+  Filtered,    ///< of features and prediction, in a BAD frame without a direct pose that is believed; see MotionPrior
   Prediction,  ///< nothing that could be believed: a guess
 };
-constexpr std::array<const char*, 4> enum_names(PoseSource) { return {"features", "joined", "direct", "prediction"}; }
+constexpr std::array<const char*, 5> enum_names(PoseSource) { return {"features", "joined", "direct", "filtered", "prediction"}; }
 [[nodiscard]] constexpr const char* to_string(PoseSource s) { return enum_names(s)[static_cast<std::size_t>(s)]; }
 
 /// \tparam PoseT your pose type; the poses inside `refinement` are apso's
