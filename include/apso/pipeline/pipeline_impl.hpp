@@ -149,9 +149,10 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     // An open direction keeps the pose that the alignment began at, so that it confirms nothing.
     const Status status = report_.refinement.status;
     confirmed = feature_ok_ && succeeded(status) && status != Status::Degenerate && near_feature(report_.refinement.T_world_direct);
-    // Where nothing was measured before, an open direction has kept a guess: such a pose is not taken alone.
+    // Where nothing was measured before, an open direction has kept a guess: such a pose is not taken alone (by the paper it is).
     const bool alone = !feature_ok_ || !(report_.refinement.w_eff > 0);
-    report_.refined = report_.refinement.refined && (previous_measured_ || !alone || status != Status::Degenerate);
+    const bool guessed = options_.refine == RefinedFrames::Every && !previous_measured_ && status == Status::Degenerate;
+    report_.refined = report_.refinement.refined && !(alone && guessed);
     if (report_.refined) {
       T_world_camera = report_.refinement.T_world_camera;
       report_.source = alone ? PoseSource::Direct : PoseSource::Joined;
