@@ -14,12 +14,9 @@ namespace {
 Pose shifted(double x) { return make_pose(Eigen::Matrix3d::Identity(), Eigen::Vector3d(x, 0, 0)); }
 
 /// Has seen predictions that were off by so much.
-MotionPrior learned(double metres, double radians, int frames = 9) {
+MotionPrior learned(double metres, int frames = 9) {
   MotionPrior prior;
-  for (int i = 0; i < frames; ++i) {
-    const Twist off = (Twist() << metres, 0, 0, 0, radians, 0).finished();
-    prior.learn(Pose::Identity(), se3_exp(off));
-  }
+  for (int i = 0; i < frames; ++i) prior.learn(Pose::Identity(), shifted(metres));
   return prior;
 }
 Matrix6 information(double sigma) { return Matrix6::Identity() / (kFeatureInformationShare * sigma * sigma); }  // believed: 1 / sigma^2
@@ -31,7 +28,7 @@ double variance_of_both(double f, double before, double motion) { return f * (be
 
 TEST_CASE("a prior that has seen too little, or that goes on from a guess, is not asked") {
   CHECK_FALSE(MotionPrior().ready());
-  MotionPrior prior = learned(.01, .01, 4);
+  MotionPrior prior = learned(.01, 4);
   prior.refined();
   CHECK_FALSE(prior.ready());
   prior.learn(Pose::Identity(), shifted(.01));
@@ -50,7 +47,7 @@ TEST_CASE("a prior that has seen too little, or that goes on from a guess, is no
 TEST_CASE("features and prediction count by their variances, and so does the pose before") {
   const double f = .006 * .006;                    // [m^2]
   const double q = std::pow(3 * .004 / 1.538, 2);  // what predictions were off in a direction, and three times that
-  MotionPrior prior = learned(.004, .004);
+  MotionPrior prior = learned(.004);
   prior.refined();  // exact
   double c = 0;
   for (int frame = 0; frame < 6; ++frame) {
@@ -69,7 +66,7 @@ TEST_CASE("features and prediction count by their variances, and so does the pos
 }
 
 TEST_CASE("the rotation is that of the features") {
-  MotionPrior prior = learned(.001, .001);
+  MotionPrior prior = learned(.001);
   prior.refined();
   const Pose T_feature = compose(shifted(.02), se3_exp((Twist() << 0, 0, 0, .03, -.02, .01).finished()));
   const Pose T = prior.join(T_feature, Pose(Pose::Identity()), information(.006));
@@ -78,7 +75,7 @@ TEST_CASE("the rotation is that of the features") {
 }
 
 TEST_CASE("a direction that the features leave open is the prediction's") {
-  MotionPrior prior = learned(.004, .004);
+  MotionPrior prior = learned(.004);
   prior.refined();
   Matrix6 F = information(.001);
   F(2, 2) = 1e-9;
@@ -121,9 +118,8 @@ TEST_CASE("a camera is followed more closely through noisy features than by them
 }
 
 TEST_CASE_TEMPLATE("a pose comes back as the type it came in", PoseT, foreign::DualQuaternionPose, foreign::RowMajor3x4Pose) {
-  MotionPrior own = learned(.004, .004), theirs;
-  for (int i = 0; i < 9; ++i)
-    theirs.learn(from_pose<PoseT>(Pose::Identity()), from_pose<PoseT>(se3_exp((Twist() << .004, 0, 0, 0, .004, 0).finished())));
+  MotionPrior own = learned(.004), theirs;
+  for (int i = 0; i < 9; ++i) theirs.learn(from_pose<PoseT>(Pose::Identity()), from_pose<PoseT>(shifted(.004)));
   own.refined();
   theirs.refined();
   const PoseT T = theirs.join(from_pose<PoseT>(shifted(.02)), from_pose<PoseT>(Pose::Identity()), information(.006));

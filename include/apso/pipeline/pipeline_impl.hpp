@@ -166,8 +166,12 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
   if (!report_.refined && (!feature_ok_ || (bad && !confirmed && unexpected()))) {
     T_world_camera = T_world_predicted_;
     report_.source = PoseSource::Prediction;
-    if (!feature_ok_ || !previous_measured_) report_.state = SceneState::Lost;
-    report_.state == SceneState::Lost ? prior_.lost() : prior_.predicted();
+    if (!feature_ok_ || !previous_measured_) {
+      report_.state = SceneState::Lost;
+      prior_.lost();
+    } else {
+      prior_.predicted();
+    }
   } else if (report_.refined) {
     prior_.refined();
   } else if (bad && options_.refine == RefinedFrames::Every && prior_.ready() && near_feature(T_world_predicted_)) {

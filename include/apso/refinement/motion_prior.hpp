@@ -22,8 +22,8 @@ inline constexpr double kPriorDoubt = 3;
 /// Learns on trusted frames how far predictions are off, and joins the feature pose of another frame with its prediction, each by what it
 /// knows of the translation. The uncertainty of the frame before adds to that of the prediction, so that a pose is held for a few frames
 /// and no error of the motion is carried on for long: R. E. Kalman, A new approach to linear filtering and prediction problems, 1960,
-/// with a state of one position. Of the rotation features know more than a prediction does: few of them show it well, and a camera turns
-/// more abruptly than it moves. Tell it of every frame by one of measured(), refined(), predicted(), lost() and join().
+/// with a state of one position. The rotation is left to the features, which tell it better than a prediction does (docs/quality.md).
+/// Tell it of every frame by one of measured(), refined(), predicted(), lost() and join().
 class MotionPrior {
  public:
   /// A frame that is trusted.
