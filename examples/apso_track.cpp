@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -15,16 +16,15 @@
 #include <apso/io/detection_text.hpp>
 #include <apso/io/parameters.hpp>
 #include <apso/observation/soft_weights.hpp>
-#include <apso/opencv/drawing.hpp>
 #include <apso/pipeline/pipeline.hpp>
 
 #include "report/page.hpp"
-#include "report/pictures.hpp"
 #include "report/run_data.hpp"
 #include "track/arguments.hpp"
 #include "track/command_line.hpp"
 #include "track/config.hpp"
 #include "track/frame_ahead.hpp"
+#include "track/frame_pictures.hpp"
 #include "track/open_source.hpp"
 #include "track/output.hpp"
 #include "track/pictures.hpp"
@@ -35,10 +35,6 @@
 #include "track/spoil.hpp"
 #include "track/stamps.hpp"
 #include "track/summary.hpp"
-#include "track/video.hpp"
-#include "track/view.hpp"
-#include "track/window.hpp"
-#include "track/write_behind.hpp"
 
 namespace {
 
@@ -74,16 +70,12 @@ class Run {
   std::optional<apso::opencv::FeatureTracker> tracker_;
   std::optional<track::ResultFolder> out_;
   std::optional<track::FrameTable> table_;
-  std::optional<track::OverlayChooser> overlays_;
-  std::optional<track::View> view_;  ///< of --video and --live
-  std::optional<track::VideoFile> video_;
-  std::optional<track::Window> window_;
   track::ProgressLine progress_;
   track::Record record_;
 
   cv::Mat mask_;
-  apso::Image<float> soft_;                   ///< the mask, softened
-  std::optional<track::WriteBehind> writer_;  ///< last: its thread ends before what it uses
+  apso::Image<float> soft_;                       ///< the mask, softened
+  std::optional<track::FramePictures> pictures_;  ///< last: its thread ends before what it uses
 };
 
 Run::Run(const Arguments& a, std::string command)
@@ -114,18 +106,15 @@ Run::Run(const Arguments& a, std::string command)
   tracker_.emplace(source_->camera(), options_.tracker);
   const std::string kept = a_.keep_frames.empty() ? std::string() : a_.keep_frames + track::kept_features_suffix;
   frames_.emplace(*source_, options_.tracker, total_, a_.threads > 1, kept);
-  writer_.emplace(a_.threads > 1);
   std::vector<track::Input> inputs = a_.inputs();
   for (const std::string& folder : source_->folders()) inputs.push_back({"images of the recording", folder});
   track::keep_apart(a_.output, inputs);
-  if (a_.live) window_.emplace("apso_track " + a_.sequence);
+  auto window = a_.live ? std::make_unique<track::Window>("apso_track " + a_.sequence) : nullptr;
   std::vector<std::string> names = track::result_files(a_.report);
   if (!a_.video.empty()) names.push_back(a_.video);
   out_.emplace(a_.output, names);
   table_.emplace(out_->file("frames.csv").string());
-  overlays_.emplace(*out_, *writer_);
-  if (!a_.video.empty()) video_.emplace(out_->file(a_.video), source_->timestamps());
-  if (video_ || window_) view_.emplace(source_->groundtruth());
+  pictures_.emplace(a_, *source_, *out_, std::move(window));
 }
 
 void Run::process(int i) {
@@ -178,27 +167,7 @@ void Run::process(int i) {
 
   record_.add(report, features.ok, change);
   table_->write(i, source_->label(i), report, observation, features, tracker.keyframes(), tracker.landmarks(), change.before, ms);
-  cv::Mat overlay;
-  const auto draw = [&] {
-    if (overlay.empty()) overlay = apso::opencv::draw_overlay(frame.colour, observation, tracker.keypoints(), report);
-    return overlay;
-  };
-  if (!a_.no_pictures) overlays_->offer({i, total_, frame.timestamp - source_->timestamp(0), source_->label(i)}, report, draw);
-  if (a_.report) {
-    writer_->add([file = out_->file(report::picture_name(i)), picture = draw(), rows = frame.colour.rows] {
-      report::write_picture(file, picture, rows);
-    });
-  }
-  if (view_) {
-    const cv::Mat picture = view_->draw(draw(), report, i, frame.timestamp - source_->timestamp(0));
-    if (video_) writer_->add([this, picture] { video_->write(picture); });
-    if (window_) window_->show(picture);
-  }
-  if (a_.write_masks) {
-    cv::Mat picture;
-    apso::opencv::mask_to_8bit(observation.mask, picture);
-    writer_->add([file = out_->file("masks/" + frame.name + ".png"), picture] { track::write_image(file, picture); });
-  }
+  pictures_->offer(i, total_, frame, observation, tracker.keypoints(), report);
   // Last: the observation drawn above is forgotten with all else that lies in the part that was left.
   if (change.event == apso::PartEvent::Left) pipeline.reset();
   if (change.moves_poses()) {
@@ -234,13 +203,12 @@ void Run::write() {
   summary["options"] = track::yaml_to_json(apso::write_parameters(options_));
   summary["refine"] = summary["options"]["pipeline"]["refine"];
 
-  if (video_) video_->finish();
+  pictures_->finish();
   if (!a_.no_pictures) {
-    overlays_->finish();
     const bool evaluated = summary.contains("final") && summary["final"].is_object();
-    track::write_plots(track::plotted_run(report::sequence_name(a_.sequence), record_.reports, evaluated ? truth : apso::Trajectory{},
-                                          record_.feature_poses, record_.final_poses),
-                       *out_);
+    track::write_pictures(track::plotted_run(report::sequence_name(a_.sequence), record_.reports, evaluated ? truth : apso::Trajectory{},
+                                             record_.feature_poses, record_.final_poses),
+                          pictures_->overlays(), *out_);
   }
   const fs::path page = a_.report && !record_.reports.empty() ? out_->file("report.html") : fs::path();
   track::write_json(out_->file("summary.json"), summary);  // last: a folder with it is complete
@@ -298,7 +266,7 @@ int Run::execute() {
     }
   }
   try {
-    writer_->finish();
+    pictures_->wait();
   } catch (const std::exception& e) {
     if (record_.failure.empty()) record_.failure = e.what();
   }

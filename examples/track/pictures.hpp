@@ -60,9 +60,9 @@ class OverlayChooser {
     tiles_.push_back(small);
   }
 
-  /// Writes the contact sheet.
-  void finish() const {
-    if (tiles_.empty()) return;
+  /// Writes the contact sheet. \return it; empty without pictures
+  cv::Mat finish() const {
+    if (tiles_.empty()) return {};
     constexpr std::size_t columns = 4;
     std::vector<cv::Mat> rows;
     for (std::size_t i = 0; i < tiles_.size(); i += columns) {
@@ -76,6 +76,7 @@ class OverlayChooser {
     cv::Mat sheet;
     cv::vconcat(rows, sheet);
     write_image(folder_->file("contact_sheet.png"), sheet);
+    return sheet;
   }
 
  private:
@@ -119,14 +120,13 @@ class OverlayChooser {
 };
 
 /// Trajectory, scores and contact sheet in one picture.
-inline void write_overview(ResultFolder& folder) {
+inline void write_overview(ResultFolder& folder, cv::Mat sheet) {
   const std::filesystem::path& out = folder.unfinished();
-  for (const char* part : {"scores.png", "scores.svg", "trajectory.png", "trajectory.svg", "contact_sheet.png"}) {
+  for (const char* part : {"scores.png", "scores.svg", "trajectory.png", "trajectory.svg"}) {
     if (!std::filesystem::exists(out / part)) return;
   }
   const cv::Mat scores = cv::imread((out / "scores.png").string());
   const cv::Mat trajectory = cv::imread((out / "trajectory.png").string());
-  cv::Mat sheet = cv::imread((out / "contact_sheet.png").string());
   if (scores.empty() || trajectory.empty() || sheet.empty()) return;
   cv::Mat left;
   cv::resize(trajectory, left, {trajectory.cols * scores.rows / trajectory.rows, scores.rows}, 0, 0, cv::INTER_AREA);
@@ -159,13 +159,16 @@ inline void write_overview(ResultFolder& folder) {
   write_file(folder.file("overview.svg"), svg + "</svg>\n");
 }
 
-/// The plots of a run in all formats, and the overview with them. After OverlayChooser::finish().
-inline void write_plots(const PlottedRun& run, ResultFolder& folder) {
+/// The plots of a run in all formats, the contact sheet, and the overview with them.
+inline void write_pictures(const PlottedRun& run, const OverlayChooser& overlays, ResultFolder& folder) {
+  Plots plots;
   for (const char* format : {".png", ".svg", ".pdf"}) {
-    plot_trajectory(folder.file(std::string("trajectory") + format), run);
-    plot_scores(folder.file(std::string("scores") + format), run);
+    plot_trajectory(folder.file(std::string("trajectory") + format), run, plots);
+    plot_scores(folder.file(std::string("scores") + format), run, plots);
   }
-  write_overview(folder);
+  const cv::Mat sheet = overlays.finish();  // while they are drawn
+  for (Gnuplot& plot : plots) plot.finish();
+  write_overview(folder, sheet);
 }
 
 /// What the plots show of a run. \param title name of the sequence \param truth empty: none that can be compared

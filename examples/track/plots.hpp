@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <limits>
+#include <list>
 #include <string>
 #include <vector>
 
@@ -158,10 +159,13 @@ std::vector<std::vector<double>> rows_with_gaps(const PlottedRun& run, const aps
 
 }  // namespace detail
 
+/// Pictures that are being drawn, each by a process of its own.
+using Plots = std::list<Gnuplot>;
+
 /// Trajectories in the plane of their largest extent, and over time.
-inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun& run) {
+inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun& run, Plots& plots) {
   if (run.features.empty() && run.final_poses.empty()) return;
-  Gnuplot g(file, 900, 1000, 11);
+  Gnuplot& g = plots.emplace_back(file, 900, 1000, 11);
   const BestView view({&run.truth, &run.final_poses}, {&run.features});
   g("set multiplot layout 2,1");
   g("set title " +
@@ -225,14 +229,14 @@ inline void plot_trajectory(const std::filesystem::path& file, const PlottedRun&
   for (int k = 0; known && k < 3; ++k) g.data(over_time(run.truth, k));
   for (int k = 0; k < 3; ++k) g.data(detail::rows_with_gaps(run, run.final_poses, coordinate(k)));
   g("unset multiplot");
-  g.finish();
+  g.end();
 }
 
 /// Error, verdict and scores over time.
-inline void plot_scores(const std::filesystem::path& file, const PlottedRun& run) {
+inline void plot_scores(const std::filesystem::path& file, const PlottedRun& run, Plots& plots) {
   if (run.reports.empty()) return;
   const bool known = !run.truth.empty();
-  Gnuplot g(file, 1100, known ? 1000 : 760, 11);
+  Gnuplot& g = plots.emplace_back(file, 1100, known ? 1000 : 760, 11);
   g(std::string("set multiplot layout ") + (known ? "4" : "3") + ",1 title " + quoted(run.title + ": " + run.result()) + " noenhanced");
   g("set grid lc rgb '#dddddd'");
   detail::time_axis(g, run);
@@ -287,7 +291,7 @@ inline void plot_scores(const std::filesystem::path& file, const PlottedRun& run
   scores(
       "S_change", [&](const auto& f) { return of(f.assessment.S_change); }, of_change, true);
   g("unset multiplot");
-  g.finish();
+  g.end();
 }
 
 }  // namespace track
