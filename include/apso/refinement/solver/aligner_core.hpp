@@ -288,7 +288,7 @@ class AlignerCore {
   // Whether another pose explains the images as well. Not asked where a direction is open, along which all poses do.
   void look_for_repetition(const Origin& origin, AlignmentResult& r, const ExecutorRef& executor) {
     const Pose T = inverse(r.T_world_camera);
-    const RepetitionSearch::Found found = repetition_search_(cost_, T);
+    const RepetitionSearch::Found found = repetition_search_(cost_, T, executor);
     for (std::size_t i = 0; i < found.count && !r.ambiguous; ++i) {
       const int coarsest = found.best[i].level;
       solver_.T = found.best[i].T_camera_world;

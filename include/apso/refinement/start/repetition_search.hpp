@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/executor.hpp>
 #include <apso/math/lanes/lane_functions.hpp>
 #include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
@@ -45,7 +46,7 @@ class RepetitionSearch {
   /// \param cost with the frames of the alignment; the first reference is searched
   /// \param T_camera_world the pose that was found
   /// \return what looks alike, the best first
-  [[nodiscard]] Found operator()(const AlignmentCost& cost, const Pose& T_camera_world) {
+  [[nodiscard]] Found operator()(const AlignmentCost& cost, const Pose& T_camera_world, const ExecutorRef& executor) {
     Found found;
     const Pose T = compose(T_camera_world, cost.first_T_world_reference());
     for (int level = 0; level < cost.levels(); ++level) {
@@ -58,7 +59,7 @@ class RepetitionSearch {
       }
       const bool last = cost.current(level + 1).camera.width < kSmallest;
       const int across = last ? std::min(kColumns / 2, width / 2) : kRadius;
-      search(across, last ? std::min(kRows - 1, cost.current(level).camera.height / 2) : kRadius, level, T_camera_world, found);
+      search(across, last ? std::min(kRows - 1, cost.current(level).camera.height / 2) : kRadius, level, T_camera_world, found, executor);
     }
     return found;
   }
@@ -67,6 +68,7 @@ class RepetitionSearch {
   static constexpr int kSmallest = 32;             // narrowest image that is searched [px]
   static constexpr int kRadius = 10;               // of the shifts at each level [px]
   static constexpr int kRows = 21, kColumns = 41;  // of the map of likeness: half of a plane of shifts
+  static constexpr int kShares = 4;                // units of work
   static constexpr std::size_t kOfTile = 8;        // least number of pixels of a tile that are looked at, if it has so many
   static constexpr int kSamples = 96, kAtOnce = 16;
   static constexpr int kEnough = 24;               // samples that both images must show
@@ -232,12 +234,14 @@ class RepetitionSearch {
     return {tx, ty, -(normal_(0) * tx + normal_(1) * ty) / normal_(2)};
   }
 
-  void search(int across, int down, int level, const Pose& T_camera_world, Found& found) {
+  void search(int across, int down, int level, const Pose& T_camera_world, Found& found, const ExecutorRef& executor) {
     const float own = likeness(shift(0, 0));
     if (!(own > kHopeless)) return;
-    for (int v = 0; v <= down; ++v) {
-      for (int u = -across; u <= across; ++u) map_[v][u + kColumns / 2] = v == 0 && u < 0 ? 0.0F : likeness(shift(u, v));
-    }
+    executor(kShares, [&](int share) {
+      for (int v = share; v <= down; v += kShares) {
+        for (int u = -across; u <= across; ++u) map_[v][u + kColumns / 2] = v == 0 && u < 0 ? 0.0F : likeness(shift(u, v));
+      }
+    });
     const auto at = [&](int u, int v) {  // a pattern repeats to both sides alike
       if (v < 0 || (v == 0 && u < 0)) u = -u, v = -v;
       return std::abs(u) <= across && v <= down ? map_[v][u + kColumns / 2] : 0.0F;
