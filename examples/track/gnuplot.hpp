@@ -63,7 +63,7 @@ class Gnuplot {
   void operator()(const std::string& text) const {
     if (child_ > 0) std::fputs((text + "\n").c_str(), pipe_.get());
   }
-  /// All is said: it draws to the end while the caller goes on, maybe to another picture.
+  /// Nothing more follows: the picture is drawn while the caller goes on. finish() waits for it.
   void end() { pipe_.reset(); }
   /// Waits for the picture. Throws io_error when it was drawn and cannot be written; tells when it was not drawn.
   void finish() {

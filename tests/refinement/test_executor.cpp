@@ -1,5 +1,6 @@
 // Nothing depends on how the work is shared out.
 #include <atomic>
+#include <cmath>
 #include <cstring>
 #include <thread>
 #include <vector>
@@ -106,4 +107,32 @@ TEST_CASE("the call for a pair takes an executor") {
   REQUIRE(succeeded(one.status));
   CHECK((one.T_current_reference.matrix().array() == threads.T_current_reference.matrix().array()).all());
   CHECK(one.backward_translation == threads.backward_translation);
+}
+
+TEST_CASE("the other place of a pattern that repeats is the same by any executor") {
+  const Pinhole camera{262.5, 262.5, 159.5, 119.5, 320, 240};
+  constexpr double wall = 2;     // [m] away
+  constexpr double square = .1;  // [m]
+  const auto look = [&](double x) {
+    Image<float> intensity(camera.width, camera.height);
+    for (int v = 0; v < camera.height; ++v) {
+      for (int u = 0; u < camera.width; ++u) {
+        const double across = (u - camera.cx) / camera.fx * wall + x;
+        const double down = (v - camera.cy) / camera.fy * wall;
+        const bool white = (static_cast<int>(std::floor(across / square)) + static_cast<int>(std::floor(down / square))) % 2 == 0;
+        intensity(u, v) = white ? .8F : .2F;
+      }
+    }
+    return intensity;
+  };
+  const Image<float> before = look(0), now = look(.02), depth(camera.width, camera.height, static_cast<float>(wall));
+  const PairAlignment<> one = align(before, depth, now, depth, camera);
+  REQUIRE(one.detail.ambiguous);
+  const auto compare = [&](const auto& executor) {
+    const PairAlignment<> other = align(before, depth, now, depth, camera, Pose::Identity(), {}, executor);
+    CHECK(other.detail.ambiguous);
+    CHECK((one.detail.T_world_camera_other.matrix().array() == other.detail.T_world_camera_other.matrix().array()).all());
+  };
+  compare(Backwards{});
+  compare(ThreeThreads{});
 }
