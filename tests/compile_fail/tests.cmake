@@ -17,7 +17,7 @@ foreach(_pair IN ITEMS GXX:17 CLANGXX:20)
     string(TOLOWER compile_fail_${_compiler}_${_standard} _name)
     add_test(NAME ${_name} COMMAND ${CMAKE_COMMAND} -DCOMPILER=${APSO_${_compiler}} -DSTANDARD=${_standard}
                                    -DINCLUDE=${PROJECT_SOURCE_DIR}/include -DEIGEN=${_eigen}
-                                   -DCASES=${CMAKE_CURRENT_LIST_DIR} -DSCRATCH=${CMAKE_CURRENT_BINARY_DIR}/${_name} -DCONTROL=${_is_control}
+                                   -DCASES=${CMAKE_CURRENT_LIST_DIR} -DCONTROL=${_is_control}
                                    -P ${CMAKE_CURRENT_LIST_DIR}/check.cmake)
     set_tests_properties(${_name} PROPERTIES TIMEOUT 900)
   endif()
