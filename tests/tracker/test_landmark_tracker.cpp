@@ -315,6 +315,33 @@ TEST_CASE("after a frame of which nothing was known, few matches are no proof of
   }
 }
 
+TEST_CASE("a place is found again by landmarks that were seen again since they were made, and by no others") {
+  for (const bool seen_again : {true, false}) {
+    Recording r("static_xyz");
+    LandmarkTrackerOptions options;
+    options.keyframe_interval = 0.03;  // each frame is a keyframe
+    LandmarkTracker tracker(r.room.camera(), options);
+    const int lost = seen_again ? 7 : 6;
+    for (int i = 0; i <= lost + 1; ++i) {
+      r.next(i);
+      // the right half of the image begins with frame 5, as that of somebody who steps before the camera, and is all that is left at last
+      std::vector<Keypoint> keypoints;
+      std::vector<Descriptor> descriptors;
+      for (std::size_t k = 0; k < r.found.keypoints().size(); ++k) {
+        const bool right = r.found.keypoints()[k].x > 160;
+        if (i == lost || (right ? i < 5 : i > lost)) continue;
+        keypoints.push_back(r.found.keypoints()[k]);
+        descriptors.push_back(r.found.descriptors()[k]);
+      }
+      tracker.begin(r.image.rgbd(), keypoints, descriptors, none);
+      const FeatureResult pose = tracker.estimate();
+      CHECK(pose.ok == (i < lost || (i > lost && seen_again)));
+      if (i > lost && seen_again) CHECK(position_error(pose.T_world_camera, r.truth(i)) < 0.01);
+      tracker.commit(r.truth(i), none, i < lost);
+    }
+  }
+}
+
 TEST_CASE("a map that is full takes no more memory, and follows on") {
   Recording r("static_xyz");
   LandmarkTrackerOptions options;

@@ -44,6 +44,7 @@ struct MapPose {
   Pose T_world_camera = identity_pose();
   int matches = 0;
   int inliers = 0;
+  int lasting = 0;                         ///< of them on landmarks that were seen again after the frame that made them
   Matrix6 information = zeros<Matrix6>();  ///< of the twist that multiplies T_camera_world from the left
   bool relocalised = false;                ///< found by comparing with whole keyframes
 };
@@ -197,7 +198,9 @@ class LandmarkMatcher {
     if (!succeeded(found.status)) return false;
     result.T_world_camera = found.T_world_camera;
     result.information = found.information;
+    result.lasting = 0;
     copy_inliers();
+    for (const LandmarkMatch& m : matches_) result.lasting += m.inlier && map.landmark(m.landmark).found > 1 ? 1 : 0;
     return true;
   }
 

@@ -164,12 +164,13 @@ class BasicLandmarkTracker {
   }
 
   [[nodiscard]] std::uint64_t frame_seed() const { return options_.seed + static_cast<std::uint64_t>(frame_number_); }
-  [[nodiscard]] int needed_inliers(bool relocalised) const {
-    const bool recently = relocalised || lost_ || timestamp_ - relocalised_at_ < kRelocalisedFor;
+  [[nodiscard]] int needed_inliers() const {
+    const bool recently = lost_ || timestamp_ - relocalised_at_ < kRelocalisedFor;
     return recently ? kMinInliersRelocalised : options_.min_inliers;
   }
   [[nodiscard]] bool accepted(const MapPose& found) const {
-    return succeeded(found.status) && found.inliers >= needed_inliers(found.relocalised);
+    const bool again = found.relocalised || lost_;
+    return succeeded(found.status) && (again ? found.lasting >= kMinInliersRelocalised : found.inliers >= needed_inliers());
   }
 
   Result find_pose() {
@@ -201,7 +202,7 @@ class BasicLandmarkTracker {
   }
 
   [[nodiscard]] RelocalisationInput whole_keyframes() const {
-    return {T_world_predicted_, misses_ > 0, kWindowKeyframes, kMinInliersRelocalised, needed_inliers(false), frame_seed()};
+    return {T_world_predicted_, misses_ > 0, kWindowKeyframes, kMinInliersRelocalised, needed_inliers(), frame_seed()};
   }
 
   void search_near_prediction(MapPose& found) {

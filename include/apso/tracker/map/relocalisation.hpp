@@ -1,5 +1,9 @@
 /// \file
 /// Finding the pose of a camera that is lost: by comparing the image with whole keyframes.
+///
+/// A pose found again has to rest on landmarks that were seen again after the frame that made them. Somebody who steps before the camera
+/// makes a keyframe due, which takes his points for landmarks, and is what the camera loses its place by: those landmarks fit him as long
+/// as he stands there, and nothing else in view says that he moves.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +24,7 @@ struct RelocalisationInput {
   Pose T_world_predicted = identity_pose();  ///< tried first
   bool lost = false;                         ///< the last frames had no pose: even the last keyframe is then a place found again
   int window = 10;                           ///< keyframes of a local map
-  int min_inliers = 50;                      ///< of a pose found again
+  int min_inliers = 50;                      ///< on lasting landmarks, of a pose found again
   int min_inliers_last = 30;                 ///< of a pose at the last keyframe when the camera is not lost
   std::uint64_t seed = 1;                    ///< of RANSAC
 };
@@ -53,7 +57,7 @@ bool recognise_keyframe(const LocalMap& map, const WeightedFeatures& features, c
     if (!matcher.solve(map, features, start, attempt)) break;
   }
   attempt.relocalised = keyframe != map.last_keyframe() || input.lost;
-  const bool enough = attempt.inliers >= (attempt.relocalised ? input.min_inliers : input.min_inliers_last);
+  const bool enough = attempt.relocalised ? attempt.lasting >= input.min_inliers : attempt.inliers >= input.min_inliers_last;
   if (!succeeded(attempt.status) || !enough) return false;
   result = attempt;
   return true;
