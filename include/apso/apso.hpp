@@ -126,6 +126,7 @@
 #include <apso/refinement/cost/alignment_cost.hpp>
 #include <apso/refinement/cost/cost_term.hpp>
 #include <apso/refinement/cost/cost_terms.hpp>
+#include <apso/refinement/cost/depth_split.hpp>
 #include <apso/refinement/cost/illumination.hpp>
 #include <apso/refinement/cost/image_cells.hpp>
 #include <apso/refinement/cost/kernel_loop.hpp>
@@ -154,6 +155,7 @@
 #include <apso/refinement/refiner_options.hpp>
 #include <apso/refinement/solver/aligner_core.hpp>
 #include <apso/refinement/solver/degeneracy.hpp>
+#include <apso/refinement/solver/foreground_check.hpp>
 #include <apso/refinement/solver/level_solver.hpp>
 #include <apso/refinement/solver/pose_information.hpp>
 #include <apso/refinement/speed_gate.hpp>

@@ -32,6 +32,7 @@ struct AlignmentResult {
   double median_depth = 0;                          ///< l [m]
   double valid_share = 0;                           ///< valid ones of the pixels that are not masked, at the finest level
   double static_share = 1;                          ///< of the area, by the labels of the regions; 1 without labels
+  double foreground = 0;                            ///< what is nearer was left out, since it moves [m]; 0: nothing was
   double correlation = 0;                           ///< of the intensities of both images, [-1,1]; 1 when there is nothing to compare
   double scale_intensity = 0;                       ///< final robust scale in units of the noise model; 0 = unset
   double scale_depth = 0;                           ///< the same for depth

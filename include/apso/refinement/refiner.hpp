@@ -217,8 +217,11 @@ class BasicRefiner {
     r.status = r.alignment.status;
     if (!succeeded(r.status)) return r;
     r.T_world_direct = r.alignment.T_world_camera;
-    judge(in.frame.timestamp, feature_ok, r);
-    if (feature_ok) {
+    // Where what is near moves, features hang on it as well.
+    bool joined = feature_ok && !(r.alignment.foreground > 0);
+    judge(in.frame.timestamp, joined, r);
+    if (feature_ok && !joined && !r.refined) judge(in.frame.timestamp, joined = true, r);
+    if (joined) {
       const Blended<Pose> b =
           blend(in.T_world_feature, r.T_world_direct, expected(in, T_predicted, r.T_world_direct),
                 {in.S_change, r.c_dir, in.S_final, r.alignment.information, in.feature_information, in.below_threshold}, options_.blend);

@@ -39,12 +39,14 @@ struct CostTerm {
   double correlation = 0;  ///< of the sampled intensities
   std::vector<TileSums> sums[2];
   RegionLabels labels;
+  float nearest = 0;  ///< what is nearer is left out [m]
   WarpCounts counts[2];
 
   void begin(const AlignmentReference& r) {
     pyramid = r.pyramid;
     T_world_reference = r.T_world_reference;
     weight = r.weight;
+    nearest = 0;
     light = Illumination{};
   }
 
@@ -54,7 +56,7 @@ struct CostTerm {
     const PixelList& list = level->pixels;
     const int n = static_cast<int>(list.tiles.size());
     for (auto& s : sums) s.resize(static_cast<std::size_t>(n));
-    labels.reset(static_cast<std::size_t>(n));
+    labels.reset(list.tiles, nearest);
     const int count = std::clamp(list.blocks() / kSmallestPart, 1, kParts);
     for (int part = 0, b = 0; part < count; ++part) {
       CostPart p{};
@@ -65,6 +67,11 @@ struct CostTerm {
       p.end = b;
       if (p.end > p.begin) parts.push_back(p);
     }
+  }
+
+  void look_beyond(float distance) {
+    nearest = distance;
+    labels.reset(level->pixels.tiles, nearest);
   }
 
   /// Adds cost and divisor of every `step`-th tile, by the labels.

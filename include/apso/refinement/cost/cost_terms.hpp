@@ -49,6 +49,12 @@ class CostTerms {
     return weight > 0 && sum > 0 ? sum / weight : 1.0;
   }
 
+  /// Leaves out what is nearer, at all levels until the frames are others.
+  /// \param nearest [m]; 0: nothing is
+  void look_beyond(float nearest) {
+    for (std::size_t k = 0; k < used_; ++k) terms_[k].look_beyond(nearest);
+  }
+
   /// What was on trial is accepted.
   void accept_trial() {
     for (std::size_t k = 0; k < used_; ++k) {

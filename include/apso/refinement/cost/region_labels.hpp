@@ -23,8 +23,12 @@ APSO_NAMESPACE_BEGIN
 /// their tile.
 class RegionLabels {
  public:
-  /// All static.
-  void reset(std::size_t tiles) { labels_.assign(tiles, 1.0F); }
+  /// All static, but for what is nearer than so many metres: that moves, whatever it looks like.
+  void reset(const std::vector<PixelList::Tile>& places, float nearest) {
+    nearest_ = nearest;
+    labels_.resize(places.size());
+    std::transform(places.begin(), places.end(), labels_.begin(), [this](const PixelList::Tile& t) { return t.depth < nearest_ ? 0.0F : 1.0F; });
+  }
   [[nodiscard]] float operator[](std::size_t i) const { return labels_[i]; }
 
   /// \param tiles sums at the present pose, `places` the tiles themselves
@@ -40,7 +44,7 @@ class RegionLabels {
       const bool seen = weight > 1e-3 * static_cast<double>(t.weight);
       const double m = seen ? std::max(0.0, static_cast<double>(t.cost) - charge * lost) / weight : 0.0;
       means_[i] = static_cast<float>(m);
-      if (!seen) continue;
+      if (!seen || places[i].depth < nearest_) continue;
       weight *= static_cast<double>(places[i].depth * places[i].depth);
       sorted_.push_back({m, weight});
       total += weight;
@@ -54,7 +58,9 @@ class RegionLabels {
       if (below >= 0.5 * total) break;
     }
     const auto inverse_limit = static_cast<float>(1.0 / (kCut * std::max(typical, 1e-6)));
-    for (std::size_t i = 0; i < tiles.size(); ++i) labels_[i] = 1.0F / (1.0F + std::pow(means_[i] * inverse_limit, kPower));
+    for (std::size_t i = 0; i < tiles.size(); ++i) {
+      labels_[i] = places[i].depth < nearest_ ? 0.0F : 1.0F / (1.0F + std::pow(means_[i] * inverse_limit, kPower));
+    }
   }
 
  private:
@@ -63,6 +69,7 @@ class RegionLabels {
   struct Entry {
     double cost, weight;
   };
+  float nearest_ = 0;  // [m]
   std::vector<float> labels_, means_;
   std::vector<Entry> sorted_;
 };

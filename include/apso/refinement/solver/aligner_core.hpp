@@ -21,6 +21,7 @@
 #include <apso/refinement/cost/kernel_loop.hpp>
 #include <apso/refinement/pyramid/pyramid.hpp>
 #include <apso/refinement/solver/degeneracy.hpp>
+#include <apso/refinement/solver/foreground_check.hpp>
 #include <apso/refinement/solver/level_solver.hpp>
 #include <apso/refinement/solver/pose_information.hpp>
 #include <apso/refinement/start/repetition_search.hpp>
@@ -98,6 +99,7 @@ class AlignerCore {
       const Status s = solver_.solve(cost_, level, origin.ratio, executor);
       result.iterations = solver_.iterations;
       if (!succeeded(s) && level == 0) return fail(result, s);  // a coarse level may be too small; finer ones have more
+      if (level == 1 && options().regions) result.foreground = foreground_check_(cost_, solver_, level, origin.ratio, executor);
       // with a mask a wrong pose may show at the next level only
       const bool look = level == middle || (level == middle - 1 && cost_.current().masked());
       if (look && !near && !searched && level > 0 && doubtful(level, solver_.T, executor)) {
@@ -237,14 +239,7 @@ class AlignerCore {
     }
     r.median_depth = cost_.typical_depth();
     const Twist D = unit_twist(r.median_depth);
-    const Matrix6 moved = Degeneracy(scaled_both(D, n.H), origin.ratio).keep();  // the directions that the solver has moved
-    const AlignmentCost::SharedInformation shared = cost_.shared_information(n.H, T, executor);
-    const auto significance_of = [&](Twist direction) {
-      for (int i = 0; i < 6; ++i) direction(i) *= D(i);
-      return significance(cost_, direction, T);
-    };
-    PoseInformation known(scaled_both(D, shared.by_one), moved * scaled_both(D, shared.by_both) * moved, scaled_both(D, scatter(cost_, T)),
-                          significance_of);
+    PoseInformation known = measure_information(cost_, n.H, T, origin.ratio, executor);
     if (!solver_.converged) known.add_last_step(solver_.last_step);
     cost_.estimate_scales(T, 2 * AlignmentCost::kScaleSamples, 0, executor);
     cost_.report_scales(r);
@@ -321,6 +316,7 @@ class AlignerCore {
   RotationSearch rotation_search_;
   StartSearch start_search_;
   RepetitionSearch repetition_search_;
+  ForegroundCheck foreground_check_;
   KernelRef kernel_;
   NoiseRef noise_;
   bool adaptive_ = false;

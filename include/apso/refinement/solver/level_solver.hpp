@@ -32,12 +32,16 @@ class LevelSolver {
 
   /// \param ratio share of the largest eigenvalue below which a direction keeps what it is
   [[nodiscard]] Status solve(AlignmentCost& cost, int level, double ratio, const ExecutorRef& executor) {
+    cost.enter(level);
+    cost.estimate_scales(T, AlignmentCost::kScaleSamples, 0, executor);
+    cost.sum(T, AlignmentCost::kAccepted, executor);
+    return go_on(cost, level, ratio, executor);
+  }
+  /// The same from sums that are accepted already, by the scales and labels of now.
+  [[nodiscard]] Status go_on(AlignmentCost& cost, int level, double ratio, const ExecutorRef& executor) {
     constexpr auto kAccepted = AlignmentCost::kAccepted;
     constexpr auto kTrial = AlignmentCost::kTrial;
     converged = false;
-    cost.enter(level);
-    cost.estimate_scales(T, AlignmentCost::kScaleSamples, 0, executor);
-    cost.sum(T, kAccepted, executor);
     const int schedule = std::max(0, cost.schedule(level));
     // a coarse image has fewer pixels in all
     const int enough = std::max(6, kMinimumAlignedPixels >> (2 * schedule));

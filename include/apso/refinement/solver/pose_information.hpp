@@ -14,6 +14,7 @@
 #include <Eigen/Core>
 
 #include <apso/config.hpp>
+#include <apso/executor.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/math/small_matrix.hpp>
 #include <apso/math/symmetric.hpp>
@@ -21,6 +22,7 @@
 #include <apso/refinement/cost/cost_term.hpp>
 #include <apso/refinement/cost/image_cells.hpp>
 #include <apso/refinement/cost/normal_equations.hpp>
+#include <apso/refinement/solver/degeneracy.hpp>
 
 APSO_NAMESPACE_BEGIN
 
@@ -140,5 +142,21 @@ struct PoseInformation {
     return out;
   }
 };
+
+/// At the pose whose sums are the accepted ones. Twists are scaled by unit_twist() of the typical depth.
+/// \param H normal matrix there
+/// \param ratio share of the largest eigenvalue below which the solver has not moved a direction
+[[nodiscard]] inline PoseInformation measure_information(AlignmentCost& cost, const Matrix6& H, const Pose& T_camera_world, double ratio,
+                                                         const ExecutorRef& executor) {
+  const Twist D = unit_twist(cost.typical_depth());
+  const Matrix6 moved = Degeneracy(scaled_both(D, H), ratio).keep();
+  const AlignmentCost::SharedInformation shared = cost.shared_information(H, T_camera_world, executor);
+  const auto significance_of = [&](Twist direction) {
+    for (int i = 0; i < 6; ++i) direction(i) *= D(i);
+    return significance(cost, direction, T_camera_world);
+  };
+  return {scaled_both(D, shared.by_one), moved * scaled_both(D, shared.by_both) * moved, scaled_both(D, scatter(cost, T_camera_world)),
+          significance_of};
+}
 
 APSO_NAMESPACE_END
