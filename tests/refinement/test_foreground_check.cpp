@@ -46,7 +46,9 @@ struct Walker {
     o.seed = kSeed;
     return o;
   }
-  [[nodiscard]] auto frame(int i) const { return apso::frame(frames[i].timestamp, frames[i].intensity, frames[i].depth, sequence.camera()); }
+  [[nodiscard]] auto frame(int i) const {
+    return apso::frame(frames[i].timestamp, frames[i].intensity, frames[i].depth, sequence.camera());
+  }
   [[nodiscard]] RgbdFrame view(int i) const { return {frames[i].timestamp, frames[i].intensity, frames[i].depth}; }
   [[nodiscard]] Pose T_world_camera(int i) const { return frames[i].T_world_camera; }
 };
@@ -134,7 +136,8 @@ TEST_CASE("nothing is left out of a scene at rest, and near things that do not m
     CAPTURE(i);
     sequence.render(i, a);
     sequence.render(i + 2, b);
-    const PairAlignment<> r = align(apso::frame(0, a.intensity, a.depth, sequence.camera()), apso::frame(1, b.intensity, b.depth, sequence.camera()));
+    const PairAlignment<> r =
+        align(apso::frame(0, a.intensity, a.depth, sequence.camera()), apso::frame(1, b.intensity, b.depth, sequence.camera()));
     CHECK(r.detail.foreground == 0);
   }
   const room::Slab slab{true, -.4, .8, 1.2};

@@ -69,16 +69,14 @@ struct ApsoBridge {
   /// Refines and remembers the frame.
   ApsoBridgeReport conclude(bool tracking_ok) {
     const auto& r = pipeline.conclude();
-    static const int FILT = getenv("FILT") ? atoi(getenv("FILT")) : 0;
-    const bool moved = r.refined || (FILT >= 1 && r.source == apso::PoseSource::Filtered) ||
-                       (FILT >= 2 && r.source == apso::PoseSource::Prediction && tracking_ok && r.state != apso::SceneState::Lost);
+    const bool moved = r.refined || r.source == apso::PoseSource::Filtered;
     ApsoBridgeReport out = {{},
                             r.refined ? r.refinement.c_dir : 0.0,
                             tracking_ok || r.refined ? 1 : 0,
                             moved ? 1 : 0,
                             r.keyframe_allowed ? 1 : 0,
                             0,
-                            getenv("APSO_REPORT") ? apso::to_string(r.source) : apso::to_string(r.state)};
+                            apso::to_string(r.state)};
     write(r.T_world_camera, out.T_world_camera);
     return out;
   }

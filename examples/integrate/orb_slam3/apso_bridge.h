@@ -49,7 +49,7 @@ typedef struct {
   double T_world_camera[12];
   double confidence;    /* of the direct pose, [0, 1]; 0 without one */
   int pose_ok;          /* there is a pose to go on with */
-  int refined;          /* T_world_camera is not the pose given but the repaired one */
+  int refined;          /* T_world_camera is not the pose given but one that direct alignment or the prediction has a part in */
   int keyframe_allowed; /* the map may learn from this frame */
   int unsettled;        /* the pose is being refined: apso_bridge_settle() tells what has become of it */
   const char* state;    /* "GOOD", "BAD" ..., for logs; valid until the next call */

@@ -111,6 +111,25 @@ TEST_CASE("a BAD frame gets a better pose and no keyframe, the others keep their
   }
 }
 
+TEST_CASE("a BAD frame of which direct alignment sees nothing is held by the prediction") {
+  Recording recording("static_xyz");
+  testing::SyntheticFrame& dark = recording.frames[kBad];
+  dark.depth.assign(dark.depth.width(), dark.depth.height(), 0.0F);
+  recording.played[kBad].depth = dark.depth.data();
+  recording.played[kBad].response = 0;
+  recording.play_off(kBad, .02);
+  const double given = recording.error(recording.played[kBad].pose, kBad);
+  REQUIRE(given > .015);
+  for (const int refine : {APSO_REFINE_EVERY, APSO_REFINE_BAD}) {
+    CAPTURE(refine);
+    const std::vector<HostResult> r = recording.run(refine);
+    CHECK(r[kBad].refined == (refine == APSO_REFINE_EVERY ? 1 : 0));
+    CHECK(r[kBad].keyframes == r[kBad - 1].keyframes);
+    if (refine == APSO_REFINE_EVERY) CHECK(recording.error(r[kBad].pose, kBad) < given - .001);  // the features are believed as well
+    if (refine == APSO_REFINE_BAD) CHECK(recording.error(r[kBad].pose, kBad) == doctest::Approx(given).epsilon(1e-3));
+  }
+}
+
 TEST_CASE("a BAD frame with few matches may become a keyframe where followed corners confirm its pose") {
   Recording recording("static_xyz");
   recording.played[kBad].response = 0;

@@ -27,7 +27,8 @@ class RegionLabels {
   void reset(const std::vector<PixelList::Tile>& places, float nearest) {
     nearest_ = nearest;
     labels_.resize(places.size());
-    std::transform(places.begin(), places.end(), labels_.begin(), [this](const PixelList::Tile& t) { return t.depth < nearest_ ? 0.0F : 1.0F; });
+    std::transform(places.begin(), places.end(), labels_.begin(),
+                   [this](const PixelList::Tile& t) { return t.depth < nearest_ ? 0.0F : 1.0F; });
   }
   [[nodiscard]] float operator[](std::size_t i) const { return labels_[i]; }
 
