@@ -9,6 +9,7 @@
 #include <apso/refinement/cost/depth_split.hpp>
 #include <apso/refinement/refiner.hpp>
 #include <apso/testing/synthetic.hpp>
+#include <apso/traits/images/eigen_image.hpp>
 
 #include "room.hpp"
 
@@ -32,7 +33,7 @@ DepthSplit::At split(const PixelList& list, float nearest = 0) {
   return s.find(nearest);
 }
 
-// A man walks by a metre and a half before a plain wall, which the camera looks at while it turns.
+// Somebody walks by near a camera that turns before a wall.
 constexpr unsigned kSeed = 103;
 constexpr int kFirst = 2;
 struct Walker {
@@ -51,6 +52,13 @@ struct Walker {
   }
   [[nodiscard]] RgbdFrame view(int i) const { return {frames[i].timestamp, frames[i].intensity, frames[i].depth}; }
   [[nodiscard]] Pose T_world_camera(int i) const { return frames[i].T_world_camera; }
+};
+struct EigenFrame {
+  using Matrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  explicit EigenFrame(const testing::SyntheticFrame& f)
+      : intensity(Eigen::Map<const Matrix>(f.intensity.data(), f.intensity.height(), f.intensity.width())),
+        depth(Eigen::Map<const Matrix>(f.depth.data(), f.depth.height(), f.depth.width())) {}
+  Matrix intensity, depth;
 };
 const Walker& walker() {
   static const Walker w;
@@ -124,6 +132,11 @@ TEST_CASE("somebody who walks by before a wall takes the pose along; without him
     CHECK(beyond > .25 * seen);
     CHECK(beyond < .95 * seen);
     CHECK(a.detail.static_share < .9);
+    if (found > 1) continue;
+    const EigenFrame r(w.frames[i]), c(w.frames[i + 1]);  // images of another type: the same
+    const PairAlignment<> b = align(r.intensity, r.depth, c.intensity, c.depth, w.sequence.camera());
+    CHECK(b.detail.foreground == a.detail.foreground);
+    CHECK((b.T_current_reference.matrix() - a.T_current_reference.matrix()).norm() == 0);
   }
   CHECK(led_astray >= 6);
   CHECK(found >= 6);

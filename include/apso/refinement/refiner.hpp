@@ -217,10 +217,11 @@ class BasicRefiner {
     r.status = r.alignment.status;
     if (!succeeded(r.status)) return r;
     r.T_world_direct = r.alignment.T_world_camera;
-    // Where what is near moves, features hang on it as well.
-    bool joined = feature_ok && !(r.alignment.foreground > 0);
-    judge(in.frame.timestamp, joined, r);
-    if (feature_ok && !joined && !r.refined) judge(in.frame.timestamp, joined = true, r);
+    // Where what is near moves, features hang on it as well: the direct pose is taken alone, if it is believed alone.
+    const bool foreground = feature_ok && r.alignment.foreground > 0;
+    judge(in.frame.timestamp, feature_ok && !foreground, r);
+    const bool joined = feature_ok && !(foreground && r.refined);
+    if (joined && foreground) judge(in.frame.timestamp, true, r);
     if (joined) {
       const Blended<Pose> b =
           blend(in.T_world_feature, r.T_world_direct, expected(in, T_predicted, r.T_world_direct),

@@ -69,6 +69,7 @@ struct CostTerm {
     }
   }
 
+  /// As CostTerms::look_beyond().
   void look_beyond(float distance) {
     nearest = distance;
     labels.reset(level->pixels.tiles, nearest);

@@ -99,7 +99,8 @@ class AlignerCore {
       const Status s = solver_.solve(cost_, level, origin.ratio, executor);
       result.iterations = solver_.iterations;
       if (!succeeded(s) && level == 0) return fail(result, s);  // a coarse level may be too small; finer ones have more
-      if (level == 1 && options().regions) result.foreground = foreground_check_(cost_, solver_, level, origin.ratio, executor);
+      if (level == 1 && succeeded(s) && options().regions)
+        result.foreground = foreground_check_(cost_, solver_, level, origin.ratio, executor);
       // with a mask a wrong pose may show at the next level only
       const bool look = level == middle || (level == middle - 1 && cost_.current().masked());
       if (look && !near && !searched && level > 0 && doubtful(level, solver_.T, executor)) {

@@ -37,11 +37,9 @@ class ForegroundCheck {
     double most = kDeviations;
     float beyond = 0;
     DepthSplit::At at;
-    double share = 1;
     for (int cut = 0; cut < kCuts; ++cut) {
       at = split_.find(at.distance);
-      share = at.beyond;
-      if (!(at.distance > 0) || share < kSmallestShare) break;
+      if (at.beyond < kSmallestShare) break;
       if (cut > 0) cost.sum(whole.T, AlignmentCost::kAccepted, executor);
       solver = whole;
       const double deviations = contradiction(cost, solver, level, ratio, at.distance, executor);
