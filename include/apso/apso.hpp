@@ -123,6 +123,7 @@
 #include <apso/refinement/blend.hpp>
 #include <apso/refinement/camera_velocity.hpp>
 #include <apso/refinement/confidence.hpp>
+#include <apso/refinement/constant_velocity.hpp>
 #include <apso/refinement/cost/alignment_cost.hpp>
 #include <apso/refinement/cost/cost_term.hpp>
 #include <apso/refinement/cost/cost_terms.hpp>

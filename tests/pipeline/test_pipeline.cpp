@@ -332,6 +332,30 @@ TEST_CASE("a BAD frame without a direct pose is held by the prediction, unless o
   }
 }
 
+TEST_CASE("along a wall a feature pose that jumps is held by the motion so far, unless only the paper's switch is asked for") {
+  for (const RefinedFrames refine : {RefinedFrames::Every, RefinedFrames::BadOnly}) {
+    CAPTURE(static_cast<int>(refine));
+    PipelineOptions o = quick_start();
+    o.refine = refine;
+    Host host("static_xyz", 0, o);
+    int i = 0;
+    for (; i < 12; ++i) host.step(i);
+    host.bare_wall = true;
+    for (int k = 0; k < 4; ++k, ++i) {  // off to one side and to the other
+      CAPTURE(k);
+      Pose T_shaken = host.truth(i);
+      T_shaken(0, 3) += k % 2 == 0 ? 0.03 : -0.03;
+      const Matrix6 information = Matrix6::Identity() / (0.01 * 0.01);  // 1 cm, 0.6 degrees
+      const FrameReport& r = host.step(i, Pose::Identity(), true, 0.0F, &T_shaken, information);
+      REQUIRE(r.refinement.status == Status::Degenerate);
+      REQUIRE(r.source == PoseSource::Joined);
+      const auto off = [&](const Pose& T) { return std::abs(T(0, 3) - host.truth(i)(0, 3)); };
+      CHECK(off(r.refinement.T_world_camera) > 0.025);
+      CHECK((refine == RefinedFrames::Every ? off(r.T_world_camera) < 0.015 : off(r.T_world_camera) > 0.025));
+    }
+  }
+}
+
 TEST_CASE("an alignment that leaves open where a feature pose lies does not confirm it") {
   PipelineOptions o = quick_start();
   o.refiner.velocity_gate = 0.001;  // no direct pose is believed

@@ -36,10 +36,10 @@ DepthSplit::At split(const PixelList& list, float nearest = 0) {
 // Somebody walks by near a camera that turns before a wall.
 constexpr unsigned kSeed = 103;
 constexpr int kFirst = 2;
-struct Walker {
+struct PersonNear {
   testing::SyntheticSequence sequence{"walking_rpy", options()};
   testing::SyntheticFrame frames[8];
-  Walker() {
+  PersonNear() {
     for (int i = 0; i < 8; ++i) sequence.render(kFirst + i, frames[i]);
   }
   static testing::SyntheticOptions options() {
@@ -60,8 +60,8 @@ struct EigenFrame {
         depth(Eigen::Map<const Matrix>(f.depth.data(), f.depth.height(), f.depth.width())) {}
   Matrix intensity, depth;
 };
-const Walker& walker() {
-  static const Walker w;
+const PersonNear& person_near() {
+  static const PersonNear w;
   return w;
 }
 }  // namespace
@@ -107,7 +107,7 @@ TEST_CASE("the split has the largest variance between its classes of all splits"
 }
 
 TEST_CASE("somebody who walks by before a wall takes the pose along; without him it is right, and he is told") {
-  const Walker& w = walker();
+  const PersonNear& w = person_near();
   PairOptions no_check;
   no_check.alignment.regions = false;
   int found = 0;
@@ -163,7 +163,7 @@ TEST_CASE("nothing is left out of a scene at rest, and near things that do not m
 }
 
 TEST_CASE("features that hang on what moves in front are not joined") {
-  const Walker& w = walker();
+  const PersonNear& w = person_near();
   for (const bool moves : {true, false}) {
     CAPTURE(moves);
     const int current = moves ? 2 : 1;  // the same frame twice: nothing moves

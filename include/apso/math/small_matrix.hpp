@@ -126,6 +126,16 @@ template <class S, int R, int K, int C, int A_, int B_>
   return M;
 }
 
+/// (A + A^T) / 2.
+template <class S, int N, int A_>
+[[nodiscard]] Eigen::Matrix<S, N, N, A_> symmetric_part(const Eigen::Matrix<S, N, N, A_>& A) {
+  Eigen::Matrix<S, N, N, A_> M;
+  for (int j = 0; j < N; ++j) {
+    for (int i = 0; i < N; ++i) M(i, j) = (A(i, j) + A(j, i)) / 2;
+  }
+  return M;
+}
+
 /// diag(d) A diag(d).
 template <class S, int N, int D_, int A_>
 [[nodiscard]] Eigen::Matrix<S, N, N, A_> scaled_both(const Eigen::Matrix<S, N, 1, D_>& d, const Eigen::Matrix<S, N, N, A_>& A) {

@@ -34,6 +34,7 @@
 #include <apso/pipeline/requirements.hpp>
 #include <apso/pipeline/working_copy.hpp>
 #include <apso/quality/assessor.hpp>
+#include <apso/refinement/constant_velocity.hpp>
 #include <apso/refinement/motion_prior.hpp>
 #include <apso/refinement/refiner.hpp>
 #include <apso/traits/pose.hpp>
@@ -211,6 +212,7 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   void join_mask(const Mask& mask);
   [[nodiscard]] bool near_feature(const Pose& T_world_camera) const;
   [[nodiscard]] bool unexpected() const;
+  [[nodiscard]] Pose held_where_open(const Pose& T_world_refined);
   template <class Tracks>
   const std::vector<PointTrack>& listed(const Tracks* tracks) {
     if (tracks != nullptr) return as_tracks(*tracks, tracks_);
@@ -225,6 +227,7 @@ class BasicPipeline : private detail::RequirePipeline<PoseT, MotionT, AssessorT,
   AssessorT assessor_;
   RefinerT refiner_;
   MotionPrior prior_;
+  ConstantVelocity velocity_;
   Step next_ = Step::Observe;
   detail::WorkingCopy work_;
   DynamicMask external_;

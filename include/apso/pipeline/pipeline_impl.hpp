@@ -125,6 +125,7 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
   const bool initialising = report_.state == SceneState::Initialising;
   const bool bad = report_.state == SceneState::Bad;
   bool confirmed = false;  // by a direct pose, even one that is not believed
+  velocity_.begin(report_.timestamp);
   if (bad ? options_.refine != RefinedFrames::None : options_.refine == RefinedFrames::Every) {
     typename R::Input input;
     input.frame = work_.frame();
@@ -169,17 +170,22 @@ auto BasicPipeline<P, M, A, R>::conclude(const Executor& executor) -> const Repo
     if (!feature_ok_ || !previous_measured_) {
       report_.state = SceneState::Lost;
       prior_.lost();
+      velocity_.lost();
     } else {
       prior_.predicted();
+      velocity_.predicted(T_world_camera);
     }
   } else if (report_.refined) {
     prior_.refined();
+    T_world_camera = held_where_open(T_world_camera);
   } else if (bad && options_.refine == RefinedFrames::Every && prior_.ready() && near_feature(T_world_predicted_)) {
     // A BAD frame without a direct pose: the camera has mass, so that the prediction tells something beside few or wrong features.
     T_world_camera = prior_.join(T_world_feature_, T_world_predicted_, feature_information_);
     report_.source = PoseSource::Filtered;
+    velocity_.measured(T_world_camera, detail::feature_information(feature_information_));
   } else {
     prior_.measured(feature_information_);
+    velocity_.measured(T_world_camera, detail::feature_information(feature_information_));
   }
   T_world_camera = normalized(T_world_camera);
   if (report_.state == SceneState::Good && previous_measured_) prior_.learn(T_world_predicted_, T_world_camera);
@@ -245,6 +251,7 @@ void BasicPipeline<P, M, A, R>::reset() {
   assessor_.reset();
   refiner_.reset();
   prior_.reset();
+  velocity_.reset();
   observation_ = {};
   report_ = Report{};
   next_ = Step::Observe;
@@ -252,6 +259,27 @@ void BasicPipeline<P, M, A, R>::reset() {
   T_own_world_ = identity_pose();
   moved_ = false;
   previous_measured_ = had_feature_ = false;
+}
+
+// What fills a direction that the alignment leaves open are features alone, and often those on somebody who moves: there the motion of the
+// camera so far counts as well.
+template <class P, class M, class A, class R>
+Pose BasicPipeline<P, M, A, R>::held_where_open(const Pose& T_world_refined) {
+  const auto& r = report_.refinement;
+  if constexpr (detail::detected_v<detail::alignment_information_t, std::decay_t<decltype(r)>>) {
+    const MaybeQuality& final_score = report_.assessment.S_final;
+    Matrix6 information = zeros<Matrix6>();  // as blend() weighs both poses
+    if (r.w_eff > 0) {
+      const double trust = final_score ? final_score->value() : 1.0;
+      information += detail::scaled_information(trust, detail::feature_information(feature_information_));
+    }
+    if (r.w_eff < 1) information += detail::scaled_information(r.c_dir, r.alignment.information);
+    const bool open = r.alignment.degenerate_count > 0;
+    const bool joined = report_.source == PoseSource::Joined && options_.refine == RefinedFrames::Every;
+    if (open && joined && velocity_.ready()) return velocity_.join(T_world_refined, information);
+    velocity_.measured(T_world_refined, information, report_.state != SceneState::Bad && !open);
+  }
+  return T_world_refined;
 }
 
 template <class P, class M, class A, class R>

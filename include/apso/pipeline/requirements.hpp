@@ -83,6 +83,11 @@ struct refinement_of<T, false> {
 template <class T>
 using refinement_of_t = typename refinement_of<T>::type;
 
+/// Whether a refinement tells what its alignment knows of each direction; a refiner of one's own need not.
+template <class T>
+using alignment_information_t =
+    decltype(std::declval<const T&>().alignment.information, std::declval<const T&>().alignment.degenerate_count);
+
 /// Base of BasicPipeline, so that these checks come first in the compiler's output.
 template <class PoseT, class MotionT, class AssessorT, class RefinerT>
 struct RequirePipeline : private require_pose<PoseT>, private require_motion_policy<MotionT> {

@@ -99,8 +99,8 @@ struct PoseInformation {
         add_outer(inverse_spread(i, k), direction[i], direction[k], information);
       }
     }
-    covariance = symmetric(covariance);
-    information = symmetric(information);
+    covariance = symmetric_part(covariance);
+    information = symmetric_part(information);
   }
 
   /// Where the iterations ran out, the pose may be off by so many of its last steps: all that were to come, if each were three quarters of
@@ -133,13 +133,6 @@ struct PoseInformation {
     for (int i = 0; i < 6; ++i) {
       for (int k = 0; k < 6; ++k) to(i, k) += factor * a(i) * b(k);
     }
-  }
-  static Matrix6 symmetric(const Matrix6& A) {
-    Matrix6 out;
-    for (int i = 0; i < 6; ++i) {
-      for (int k = 0; k < 6; ++k) out(i, k) = 0.5 * (A(i, k) + A(k, i));
-    }
-    return out;
   }
 };
 
