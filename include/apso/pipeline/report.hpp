@@ -16,7 +16,7 @@ APSO_NAMESPACE_BEGIN
 /// Where the final pose of a frame comes from.
 enum class PoseSource {
   Features,    ///< as the feature tracker gave it
-  Joined,      ///< of features and direct alignment
+  Joined,      ///< of features and direct alignment, and in directions that this leaves open of the motion so far; see ConstantVelocity
   Direct,      ///< direct alignment alone
   Filtered,    ///< of features and prediction, in a BAD frame without a direct pose that is believed; see MotionPrior
   Prediction,  ///< nothing that could be believed: a guess
@@ -29,9 +29,9 @@ template <class PoseT = Pose, class AssessmentT = Assessment, class RefinementT 
 struct BasicFrameReport {
   double timestamp = 0;  ///< [s]
   SceneState state = SceneState::Initialising;
-  AssessmentT assessment;                                     ///< scores, weights, thresholds and flags of the frame
-  bool refined = false;                                       ///< a direct pose was trusted: T_world_camera joins it with the feature pose
-  RefinementT refinement{};                                   ///< of this frame; status NotRun if it was not refined at all
+  AssessmentT assessment;    ///< scores, weights, thresholds and flags of the frame
+  bool refined = false;      ///< a direct pose was trusted: T_world_camera joins it with the feature pose
+  RefinementT refinement{};  ///< of this frame; status NotRun if it was not refined at all. Its pose is without the motion so far
   PoseT T_world_feature = from_pose<PoseT>(identity_pose());  ///< pose of the feature tracker
   PoseT T_world_direct = from_pose<PoseT>(identity_pose());   ///< of direct alignment, if `refined`
   PoseT T_world_camera = from_pose<PoseT>(identity_pose());   ///< final pose; in state Lost only the prediction

@@ -21,12 +21,12 @@ APSO_NAMESPACE_BEGIN
 /// Accelerations, as a multiple of the median one of the frames learned, that the filter reckons with (docs/refinement.md).
 inline constexpr double kAccelerationDoubt = 1.5;
 
-/// A view of a wall tells little of the way along it, and people before the wall are what tells most: features on them, or an alignment
-/// that has left them out, do not know it, and the camera has mass. The state is the position of the camera and its velocity; a frame moves
-/// both on by a white acceleration, whose size is learned on trusted frames, and then measures the position with what is known of each
-/// direction: R. E. Kalman, A new approach to linear filtering and prediction problems, 1960. The rotation follows the position by what the
-/// images say of both together. Each frame is one begin(), then one of measured(), join(), predicted() and lost(). MotionPrior has the
-/// frames that no direct pose is known of, and goes by the prediction of the host.
+/// A wall that fills the view tells little of the way along it. What seems to tell it are features on people before the wall, or few that
+/// are far away; but the camera has mass. The state is its position and its velocity. A white acceleration, whose size is learned on
+/// trusted frames, makes both less known from frame to frame, and a pose measures the position with what is known of each direction: R. E.
+/// Kalman, A new approach to linear filtering and prediction problems, 1960. The rotation follows the position by what the images say of
+/// both together. Each frame is one begin(), then one of measured(), join(), predicted() and lost(). Frames without a direct pose are the
+/// business of MotionPrior, which goes by the prediction of the host.
 class ConstantVelocity {
  public:
   /// Frames farther apart [s], or not in the order of their time, are not one motion: the filter starts anew.
