@@ -27,6 +27,30 @@ testing::SyntheticOptions small_world(int people) {
   return o;
 }
 
+/// A refiner of one's own: between the features and the prediction.
+struct Halfway {
+  struct Options {
+    template <class Self, class V>
+    static void fields(Self&, V&&) {}
+  };
+  struct Input : RefinementInput<> {};
+  struct Result {
+    Status status = Status::NotRun;
+    Pose T_world_camera = Pose::Identity(), T_world_direct = Pose::Identity();
+    bool refined = false;
+    double c_dir = 0, w_eff = 1;
+  };
+  Halfway(const Pinhole&, const Options&) {}
+  Result refine(const Input& in, const SerialExecutor& = {}) {
+    const Pose T = sclerp(in.T_world_feature, in.T_world_predicted, 0.5);
+    return {Status::Converged, T, in.T_world_predicted, true, 1.0, 0.5};
+  }
+  void remember(const RgbdFrame&, const ImageView<const float>&, const Pose&, const SerialExecutor&, const FlowGrid&) {}
+  void reset() {}
+  [[nodiscard]] const Options& options() const { return options_; }
+  Options options_;
+};
+
 /// A host whose keypoints form a grid and whose tracks follow the true motion of the static scene.
 class Host {
  public:
@@ -362,6 +386,21 @@ TEST_CASE("along a wall a feature pose that jumps is held by the motion so far, 
       CHECK(off(r.refinement.T_world_camera) > 0.025);
       CHECK((refine == RefinedFrames::Every ? off(r.T_world_camera) < 0.01 : off(r.T_world_camera) > 0.025));
     }
+  }
+}
+
+TEST_CASE("a refiner of one's own need not tell what its alignment knows of each direction") {
+  testing::SyntheticSequence sequence("static_xyz", small_world(0));
+  BasicPipeline<Pose, GeometricMotion, SceneAssessor, Halfway> pipeline(sequence.camera());
+  testing::SyntheticFrame frame;
+  for (int i = 0; i < 8; ++i) {
+    sequence.render(i, frame);
+    const Pose T = frame.T_world_camera;
+    pipeline.observe(frame.rgbd(), T);
+    pipeline.assess(none, none, {T * make_pose(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.02, 0, 0)), T, true});
+    const auto& r = pipeline.conclude();
+    CHECK(r.source == PoseSource::Joined);
+    CHECK((inverse(T) * r.T_world_camera).translation().norm() == doctest::Approx(0.01).epsilon(1e-6));
   }
 }
 

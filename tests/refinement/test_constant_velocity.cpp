@@ -79,19 +79,18 @@ TEST_CASE("the motion is not asked before it is known") {
 }
 
 TEST_CASE("it is the filter of one coordinate in each of three") {
-  const double acceleration = 2;  // what a camera at a standstill is off after a frame is less than is measured of it: it is shaken
   ConstantVelocity filter;
   Scalar x, y;
   std::mt19937 random(5);
   std::normal_distribution<double> noise(0, 1);
-  RunningMedian seen(300);  // what was learned
+  RunningMedian seen(300);  // accelerations
+  double t = 0;
   for (int i = 0; i < 60; ++i) {
     CAPTURE(i);
     const double dt = i % 3 == 0 ? 2 * kFrame : kFrame;
-    static double t = 0;
     t += dt;
     const double sigma = 0.002 + 0.001 * (i % 5);
-    const double zx = std::sin(acceleration * t), zy = 0.3 * t + sigma * noise(random);
+    const double zx = std::sin(2 * t), zy = 0.3 * t + sigma * noise(random);
     filter.begin(t);
     if (i > 0) {
       const double a = kAccelerationDoubt / 1.538 * std::max(0.0005 / (dt * dt), seen.median());

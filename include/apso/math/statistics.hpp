@@ -11,6 +11,9 @@
 
 APSO_NAMESPACE_BEGIN
 
+/// Median of the length of a vector of three independent components with the standard deviation 1 (chi distribution).
+inline constexpr double kMedianOfNorm = 1.538;
+
 /// Median of the values, which are reordered: the mean of the middle two for an even count, 0 for none.
 /// upper_median() (robust_scale.hpp) takes the upper of the two instead, which is faster on many floats.
 [[nodiscard]] inline double median_in_place(std::vector<double>& values) {

@@ -137,6 +137,16 @@ namespace detail {
   return information;
 }
 
+// What is left open is known to the gate, so that it can be inverted.
+[[nodiscard]] inline Matrix6 within_gate(const Matrix6& information) {
+  Matrix6 known = information;
+  for (int i = 0; i < 6; ++i) {
+    const double gate = i < 3 ? kBlendGateTranslation : kBlendGateRotation;
+    known(i, i) += 1 / (gate * gate);
+  }
+  return known;
+}
+
 [[nodiscard]] inline Matrix6 scaled_information(double factor, const Matrix6& information) {
   Matrix6 scaled = zeros<Matrix6>();
   for (int i = 0; i < 6; ++i)

@@ -63,12 +63,7 @@ class ConstantVelocity {
   void measured(const AnyPose& T_world_camera, const Matrix6& information, bool trusted = false) {
     const Pose& T = T_world_camera;
     const Eigen::Vector3d measured = translation(T);
-    Matrix6 known = information;
-    for (int i = 0; i < 6; ++i) {  // what is left open is known to the gate of blend()
-      const double gate = i < 3 ? kBlendGateTranslation : kBlendGateRotation;
-      known(i, i) += 1 / (gate * gate);
-    }
-    const Matrix6 covariance = solve_symmetric(known, identity<Matrix6>());
+    const Matrix6 covariance = solve_symmetric(detail::within_gate(information), identity<Matrix6>());
     Eigen::Matrix3d in_camera;
     for (int i = 0; i < 3; ++i)
       for (int k = 0; k < 3; ++k) in_camera(i, k) = covariance(i, k);
@@ -128,9 +123,8 @@ class ConstantVelocity {
 
   static constexpr int kWindow = 300;  // trusted frames: 10 s of a 30 Hz camera
   static constexpr int kMinSamples = 5;
-  static constexpr double kMedianOfNorm = 1.538;  // of three independent components with the standard deviation 1
-  static constexpr double kLeastError = 0.0005;   // of a prediction [m], so that a camera at rest may start
-  static constexpr double kFastest = 1;           // standard deviation of a velocity of which nothing is known [m/s]
+  static constexpr double kLeastError = 0.0005;  // of a prediction [m], so that a camera at rest may start
+  static constexpr double kFastest = 1;          // standard deviation of a velocity of which nothing is known [m/s]
 
   RunningMedian acceleration_{kWindow};                                  // [m/s^2]
   Eigen::Vector3d position_ = zeros<Eigen::Vector3d>();                  // in the world [m]

@@ -37,14 +37,7 @@ class MotionPrior {
   void refined() { know(zeros<Matrix6>()); }
   /// The latest pose is that of the features.
   /// \param information see FeaturePose::information
-  void measured(const Matrix6& information) {
-    Matrix6 F = detail::feature_information(information);
-    for (int i = 0; i < 6; ++i) {  // what the features leave open is known to the gate of blend()
-      const double gate = i < 3 ? kBlendGateTranslation : kBlendGateRotation;
-      F(i, i) += 1 / (gate * gate);
-    }
-    know(inverted(F));
-  }
+  void measured(const Matrix6& information) { know(inverted(detail::within_gate(detail::feature_information(information)))); }
   /// The latest pose is the prediction.
   void predicted() { covariance_ = of_prediction(); }
   /// The latest pose is a guess that nothing bears out.
@@ -85,8 +78,7 @@ class MotionPrior {
 
   static constexpr int kWindow = 300;  // trusted frames: 10 s of a 30 Hz camera
   static constexpr int kMinSamples = 5;
-  static constexpr double kMedianOfNorm = 1.538;  // of three independent components with the standard deviation 1
-  static constexpr double kLeastError = 0.0005;   // [m]; of a camera at rest, so that it may start
+  static constexpr double kLeastError = 0.0005;  // [m]; of a camera at rest, so that it may start
 
   RunningMedian error_{kWindow};           // [m]
   Matrix6 covariance_ = zeros<Matrix6>();  // of the latest position, in the camera frame [m^2]; the rest is zero
