@@ -69,7 +69,7 @@ struct ApsoBridge {
   /// Refines and remembers the frame.
   ApsoBridgeReport conclude(bool tracking_ok) {
     const auto& r = pipeline.conclude();
-    const bool moved = r.refined || r.source == apso::PoseSource::Filtered;
+    const bool moved = r.refined || (tracking_ok && r.source == apso::PoseSource::Filtered);
     ApsoBridgeReport out = {{},
                             r.refined ? r.refinement.c_dir : 0.0,
                             tracking_ok || r.refined ? 1 : 0,
@@ -249,17 +249,23 @@ int apso_bridge_expected(const ApsoBridge* b, double* T_world_camera) {
 }
 const unsigned char* apso_bridge_mask(const ApsoBridge* b) { return b->mask.empty() ? nullptr : b->mask.data(); }
 
-int apso_bridge_conclude(ApsoBridge* b, const ApsoBridgeKeypoint* keypoints, int count, const double* T_world_camera_tracked,
-                         int tracking_ok, ApsoBridgeReport* report) {
+int apso_bridge_conclude(ApsoBridge* b, const ApsoBridgeKeypoint* keypoints, int count, const double* T_world_camera_tracked, int found_by,
+                         ApsoBridgeReport* report) {
   return guarded(*b, [&] {
     apso::expects(report && (keypoints || count == 0) && count >= 0, "apso_bridge_conclude: a pointer is null");
     const Stopwatch watch;
     b->join();
     b->times.settled = 0;
     b->list_matches(keypoints, count);
+    const bool tracking_ok = found_by == APSO_BY_MAP;
     const apso::Pose T_world_feature = tracking_ok ? pose(T_world_camera_tracked) : b->T_world_predicted;
-    apso::FeaturePose<> feature{T_world_feature, b->T_world_predicted, tracking_ok != 0};
-    if (tracking_ok) feature.information = b->information(keypoints, count, T_world_feature);
+    const bool tracks_ok = found_by == APSO_BY_TRACKS && b->followed > 0;
+    apso::FeaturePose<> feature{T_world_feature, b->T_world_predicted, tracking_ok || tracks_ok};
+    if (tracking_ok) {
+      feature.information = b->information(keypoints, count, T_world_feature);
+    } else {
+      feature.matches = 0;  // of the map
+    }
     const apso::Assessment& a = b->pipeline.assess(b->keypoints, b->tracks, feature);
     const bool later = b->own_thread && tracking_ok && a.state != apso::SceneState::Bad && apso::is_rigid(T_world_feature);
     if (later) {  // the host goes on with the pose of its features, which is right
@@ -273,7 +279,7 @@ int apso_bridge_conclude(ApsoBridge* b, const ApsoBridgeKeypoint* keypoints, int
         b->times.settled = beside.ms();
       });
     } else {
-      *report = b->report = b->conclude(tracking_ok != 0);
+      *report = b->report = b->conclude(tracking_ok);
     }
     b->times.concluded = watch.ms();
   });

@@ -91,9 +91,13 @@ int apso_bridge_observe(ApsoBridge* bridge, double timestamp, const unsigned cha
 int apso_bridge_expected(const ApsoBridge* bridge, double* T_world_camera);
 /* 255 where something moves, else 0; width x height without padding, valid until the next apso_bridge_observe(). Null before the first. */
 const unsigned char* apso_bridge_mask(const ApsoBridge* bridge);
-/* After tracking. T_world_camera_tracked is not read when tracking_ok is 0. */
+/* What a pose was found by: nothing; the tracks of apso_bridge_observe(), where apso_bridge_expected() is not 0; the points of the map. */
+enum { APSO_BY_NOTHING = 0, APSO_BY_MAP = 1, APSO_BY_TRACKS = 2 };
+
+/* After tracking. T_world_camera_tracked is read with APSO_BY_MAP alone. The report has a pose where the map or the alignment tells one;
+   with APSO_BY_TRACKS the alignment is joined with what the tracks tell. */
 int apso_bridge_conclude(ApsoBridge* bridge, const ApsoBridgeKeypoint* keypoints, int count, const double* T_world_camera_tracked,
-                         int tracking_ok, ApsoBridgeReport* report);
+                         int found_by, ApsoBridgeReport* report);
 /* After apso_bridge_conclude(): waits until the frame is refined. The same report, with the pose that the frame has now. */
 int apso_bridge_settle(ApsoBridge* bridge, ApsoBridgeReport* report);
 /* After apso_bridge_conclude(), while the images live: APSO_POINT_* of `count` points of the map, x y z each [m], seen from a pose. */

@@ -128,15 +128,17 @@ class ApsoHook {
     // A few matches, or fewer than there are corners, that contradict the corners are on something that moves, or wrong.
     const bool outnumbered = followed_count_ > 0 && matches < std::max(int{kFewMatches}, followed_count_);
     if (ok && outnumbered && !Near(frame.GetPose(), ReadInverse(predicted_))) ok = false;
+    // Where the map fails, the corners that were followed tell a pose, for a while: errors add up. Alignment is joined with it.
+    const bool corners = !ok && followed_count_ > 0 && frames_on_corners_ < kFramesOnCorners;
     double T[12] = {};
     if (ok) {
       given_ = frame.GetPose();
       WriteInverse(given_, T);
     }
-    Check(apso_bridge_conclude(bridge_, keypoints_.data(), static_cast<int>(keypoints_.size()), T, ok ? 1 : 0, &report_));
+    const auto by = ok ? APSO_BY_MAP : corners ? APSO_BY_TRACKS : APSO_BY_NOTHING;
+    Check(apso_bridge_conclude(bridge_, keypoints_.data(), static_cast<int>(keypoints_.size()), T, by, &report_));
     if (report_.refined) frame.SetPose(ReadInverse(report_.T_world_camera));
-    // Where no direct pose is at hand the corners that were followed may tell one.
-    by_corners_ = !ok && !report_.refined && followed_count_ > 0 && frames_on_corners_ < kFramesOnCorners;
+    by_corners_ = corners && !report_.refined;
     repaired_ = !ok && (report_.refined || by_corners_);
     if (by_corners_) {
       std::copy(predicted_, predicted_ + 12, report_.T_world_camera);
@@ -144,7 +146,7 @@ class ApsoHook {
       report_.pose_ok = 1;
     }
     if (!repaired_) alone_ = 0;
-    frames_on_corners_ = by_corners_ ? frames_on_corners_ + 1 : 0;
+    frames_on_corners_ = corners ? frames_on_corners_ + 1 : 0;
     if (!ok && !report_.refined) ++chain_;
     if (repaired_) {  // the matches that failed; the points are searched again
       Forget(frame);
@@ -268,7 +270,7 @@ class ApsoHook {
 
  private:
   static constexpr double kSureConfidence = 0.75;  // as in apso's pipeline
-  static constexpr int kFramesOnCorners = 15;      // in a row, as in apso's tracker: errors add up
+  static constexpr int kFramesOnCorners = 15;      // in a row, as in apso's tracker
   static constexpr int kFramesAlone = 5;           // with a direct pose and no match, in a row, before a keyframe is made of one
   static constexpr int kFewMatches = 100;          // as many close points as ORB-SLAM3 wants to track
   static constexpr int kEnoughMatches = 300;       // with so many the map can do without a keyframe
