@@ -441,6 +441,72 @@ TEST_CASE("where the pose that is expected is wrong, the corners that were follo
   apso_bridge_destroy(b);
 }
 
+TEST_CASE("where the map fails along a wall, tracks fill the direction that alignment leaves open") {
+  constexpr int kWidth = 320;
+  constexpr int kHeight = 240;
+  constexpr double kFocal = 300;
+  constexpr double kDistance = 2;  // [m]
+  constexpr double kStep = 0.01;   // along the stripes, per frame [m]
+  constexpr int kFailing = 34;
+  std::vector<unsigned char> grey(kWidth * kHeight);
+  for (std::size_t i = 0; i < grey.size(); ++i) {
+    const double x = static_cast<double>(i % kWidth);
+    grey[i] = static_cast<unsigned char>(std::lround(128 + 60 * std::sin(x / 5) + 40 * std::sin(x / 13)));
+  }
+  const std::vector<float> depth(grey.size(), static_cast<float>(kDistance));
+  const ApsoBridgeOptions options{APSO_REFINE_EVERY, 0, 0};
+  for (const int found_by : {APSO_BY_NOTHING, APSO_BY_TRACKS}) {
+    CAPTURE(found_by);
+    ApsoBridge* b = apso_bridge_create(kFocal, kFocal, kWidth / 2.0, kHeight / 2.0, kWidth, kHeight, &options);
+    REQUIRE(b != nullptr);
+    ApsoBridgeReport report{};
+    for (int k = 0; k <= kFailing; ++k) {
+      const double shift = -kFocal * kStep / kDistance;  // of the image [px]
+      std::vector<ApsoBridgeTrack> tracks;
+      std::vector<ApsoBridgeKeypoint> keypoints;
+      for (int i = 0; i < 500; ++i) {
+        const double x = 8 + 12 * (i % 25);
+        const double y = 40 + 10.0 * (i / 25);
+        const double v = y + k * shift;
+        if (v < 4) continue;
+        const double before = k > 0 ? v - shift : v;
+        tracks.push_back({i, static_cast<float>(x), static_cast<float>(v), static_cast<float>(x), static_cast<float>(before), k});
+        const auto point = [&](double u, double c) { return static_cast<float>((u - c) * kDistance / kFocal); };
+        keypoints.push_back({static_cast<float>(x),
+                             static_cast<float>(v),
+                             50.0F,
+                             0.0F,
+                             0,
+                             static_cast<float>(kDistance),
+                             1.0F,
+                             i,
+                             {point(x, kWidth / 2.0), point(y, kHeight / 2.0), static_cast<float>(kDistance)}});
+      }
+      const auto at = [](double y) { return std::vector<double>{1, 0, 0, 0, 0, 1, 0, y, 0, 0, 1, 0}; };
+      const std::vector<double> before = at(kStep * std::max(0, k - 1));
+      REQUIRE(apso_bridge_observe(b, k / 30.0, grey.data(), kWidth, depth.data(), 4 * kWidth, before.data(),
+                                  k > 0 ? before.data() : nullptr, tracks.data(), static_cast<int>(tracks.size()), nullptr, 0) == 0);
+      if (k == kFailing) {
+        for (ApsoBridgeKeypoint& p : keypoints) p.point_id = -1;
+      }
+      REQUIRE(apso_bridge_conclude(b, keypoints.data(), static_cast<int>(keypoints.size()), at(kStep * k).data(),
+                                   k < kFailing ? int{APSO_BY_MAP} : found_by, &report) == 0);
+      if (k < kFailing) REQUIRE(report.pose_ok == 1);
+    }
+    const bool told = found_by == APSO_BY_TRACKS;
+    CHECK(report.refined == (told ? 1 : 0));
+    CHECK(report.pose_ok == (told ? 1 : 0));
+    if (told) {
+      CHECK(std::abs(report.T_world_camera[3]) < 1e-3);
+      CHECK(std::abs(report.T_world_camera[7] - kStep * kFailing) < 1e-3);
+      CHECK(std::abs(report.T_world_camera[11]) < 1e-3);
+    }
+    CHECK(std::string(report.state) == (told ? "BAD" : "LOST"));
+    CHECK(report.keyframe_allowed == 0);
+    apso_bridge_destroy(b);
+  }
+}
+
 TEST_CASE("a hook that knows how exact the depth is loses less to an error that stays in the image") {
   Recording recording("static_xyz");
   for (testing::SyntheticFrame& f : recording.frames) {
