@@ -253,6 +253,8 @@ int apso_bridge_conclude(ApsoBridge* b, const ApsoBridgeKeypoint* keypoints, int
                          ApsoBridgeReport* report) {
   return guarded(*b, [&] {
     apso::expects(report && (keypoints || count == 0) && count >= 0, "apso_bridge_conclude: a pointer is null");
+    apso::expects(found_by == APSO_BY_NOTHING || found_by == APSO_BY_MAP || found_by == APSO_BY_TRACKS,
+                  "apso_bridge_conclude: found_by is none of APSO_BY_*");
     const Stopwatch watch;
     b->join();
     b->times.settled = 0;

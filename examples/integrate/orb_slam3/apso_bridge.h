@@ -91,7 +91,7 @@ int apso_bridge_observe(ApsoBridge* bridge, double timestamp, const unsigned cha
 int apso_bridge_expected(const ApsoBridge* bridge, double* T_world_camera);
 /* 255 where something moves, else 0; width x height without padding, valid until the next apso_bridge_observe(). Null before the first. */
 const unsigned char* apso_bridge_mask(const ApsoBridge* bridge);
-/* What a pose was found by: nothing; the tracks of apso_bridge_observe(), where apso_bridge_expected() is not 0; the points of the map. */
+/* What a pose was found by: nothing; the points of the map; the tracks of apso_bridge_observe(), where apso_bridge_expected() is not 0. */
 enum { APSO_BY_NOTHING = 0, APSO_BY_MAP = 1, APSO_BY_TRACKS = 2 };
 
 /* After tracking. T_world_camera_tracked is read with APSO_BY_MAP alone. The report has a pose where the map or the alignment tells one;

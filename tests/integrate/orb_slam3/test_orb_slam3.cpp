@@ -552,6 +552,8 @@ TEST_CASE("the bridge says what is wrong") {
     CHECK(apso_bridge_mask(b) == nullptr);
     CHECK(apso_bridge_conclude(b, nullptr, 0, nullptr, 0, &report) != 0);
     CHECK(error().find("observe() for the frame first") != std::string::npos);
+    CHECK(apso_bridge_conclude(b, nullptr, 0, nullptr, 3, &report) != 0);
+    CHECK(error().find("found_by is none of APSO_BY_*") != std::string::npos);
     CHECK(apso_bridge_correct(b, nullptr, nullptr) != 0);
     CHECK(apso_bridge_settle(b, nullptr) != 0);
     double T[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
