@@ -71,6 +71,7 @@ class LevelSolver {
       right = keep * right;
       const Matrix6 determined = open.regular(scaled, scaled(0, 0));
       bool moved = false;
+      double gained = 0;  // share of the cost
       for (int reject = 0; reject <= kRejects; ++reject) {
         Matrix6 A = determined;
         for (int i = 0; i < 6; ++i) A(i, i) += 1e-12 * trace + mu * scaled(i, i);
@@ -97,16 +98,17 @@ class LevelSolver {
           last_step = scaled_step;
           cost.accept_trial();
           moved = true;
+          gained = (before - after) / before;
           mu = std::max(1e-9, mu / 10);
-          converged = tiny || before - after < kStopRelativeCost * before;
+          converged = tiny || gained < kStopRelativeCost;
           break;
         }
-        if (tiny) break;
+        if (focal * largest < kShortStep * smallest_step) break;
         mu = std::max(kRejectedDamping, mu * 10);
       }
       if (!moved) {  // no step lowers the cost: a minimum
         converged = true;
-      } else if (!converged && cost.estimate_scales(T, AlignmentCost::kScaleSamples, kScaleChange, executor)) {
+      } else if (!converged && gained > kScaleGain && cost.estimate_scales(T, AlignmentCost::kScaleSamples, kScaleChange, executor)) {
         cost.sum(T, kAccepted, executor);
       }
     }
@@ -122,6 +124,8 @@ class LevelSolver {
   static constexpr int kRejects = 3;                                  // rejected steps in a row
   // mu after a rejected step: one that is hardly shorter would be rejected like it, by pixels that come into view and leave it
   static constexpr double kRejectedDamping = 0.03;
+  static constexpr double kShortStep = 10;     // a step below so many of kStopPixels that is rejected is not tried shorter: a minimum
+  static constexpr double kScaleGain = 0.02;   // share of the cost that a step must have gained for another look at the scales
   static constexpr double kScaleChange = 0.2;  // relative change of a scale from which on the sums are made again with the new
 };
 
