@@ -13,6 +13,10 @@
 /// |                          | processor has AVX2 (math/lanes/wide_lanes.hpp)                            |
 #pragma once
 
+#if (defined(_MSVC_LANG) ? _MSVC_LANG : __cplusplus) < 201703L
+#error "apso needs C++17: compile with -std=c++17 or a later standard"
+#endif
+
 #include <cstdlib>
 #include <stdexcept>
 #include <string>

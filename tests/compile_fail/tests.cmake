@@ -1,5 +1,6 @@
 # Programs that must not compile, with the sentence the compiler has to show in its first ten lines (the first line of
-# each file). Compiled with -DCONTROL each of them is correct, so it is the mistake that fails and nothing else.
+# each file). Compiled with -DCONTROL, and without the flags of a second line `// with: flags`, each of them is correct, so it is the
+# mistake that fails and nothing else.
 find_program(APSO_GXX g++)
 find_program(APSO_CLANGXX clang++)
 get_target_property(_eigen Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
