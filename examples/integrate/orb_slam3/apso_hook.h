@@ -128,6 +128,12 @@ class ApsoHook {
     // A few matches, or fewer than there are corners, that contradict the corners are on something that moves, or wrong.
     const bool outnumbered = followed_count_ > 0 && matches < std::max(int{kFewMatches}, followed_count_);
     if (ok && outnumbered && !Near(frame.GetPose(), ReadInverse(predicted_))) ok = false;
+    // A few matches after frames that the map did not tell, which no corners confirm: a place that is found again, or one like it. More
+    // come in the next frames if it is the place.
+    const bool unconfirmed = ok && !by_map_ && followed_count_ == 0 && matches < kFewMatches && frames_unconfirmed_ < kFramesUnconfirmed;
+    frames_unconfirmed_ = unconfirmed ? frames_unconfirmed_ + 1 : 0;
+    if (unconfirmed) ok = false;
+    by_map_ = ok;
     // Where the map fails, the corners that were followed tell a pose, for a while: errors add up. Alignment is joined with it.
     const bool corners = !ok && followed_count_ > 0 && frames_on_corners_ < kFramesOnCorners;
     double T[12] = {};
@@ -207,6 +213,7 @@ class ApsoHook {
     if (!agree) Forget(frame);
     if (!agree || (sure && inliers < kFewMatches)) frame.SetPose(T_direct);  // the more exact one, where points are few
     alone_ = agree ? 0 : alone_ + 1;
+    by_map_ = agree;
     const bool needed = options_.refine == APSO_REFINE_EVERY && alone_ >= kFramesAlone && sure;
     report_.keyframe_allowed = Holds(frame) && (needed || (agree && (sure || by_corners_))) ? 1 : 0;
     if (agree) frames_on_corners_ = 0;
@@ -224,10 +231,14 @@ class ApsoHook {
     keyframe.mTcwMeasured = keyframe.GetPose();
     keyframe.mnMeasured = chain_;
     if (!KeyframeNeeded() || records_.empty()) return;
-    // shares no map point with another one: it hangs on the last in the spanning tree until it does
+    // Shares no map point with another one: in the spanning tree it hangs on the last, and stays there. With two parents it could be its
+    // own ancestor, and the global bundle adjustment goes down that tree without end.
     KeyFrame* before = static_cast<KeyFrame*>(records_.back().reference);
     while (before && before->isBad()) before = before->GetParent();
-    if (before && before != &keyframe) keyframe.ChangeParent(before);
+    if (before && before != &keyframe) {
+      keyframe.ChangeParent(before);
+      keyframe.SetFirstConnection(false);
+    }
     alone_ = 0;
   }
   // In Track(), where the way from the reference keyframe to the frame is kept for the trajectory: by what was measured since a
@@ -245,6 +256,8 @@ class ApsoHook {
     records_.clear();
     moved_.clear();
     frames_on_corners_ = 0;
+    frames_unconfirmed_ = 0;
+    by_map_ = true;
     alone_ = 0;
     ++chain_;
     report_ = ApsoBridgeReport();
@@ -271,6 +284,7 @@ class ApsoHook {
  private:
   static constexpr double kSureConfidence = 0.75;  // as in apso's pipeline
   static constexpr int kFramesOnCorners = 15;      // in a row, as in apso's tracker
+  static constexpr int kFramesUnconfirmed = 5;     // in a row: a map with few points has its way then
   static constexpr int kFramesAlone = 5;           // with a direct pose and no match, in a row, before a keyframe is made of one
   static constexpr int kFewMatches = 100;          // as many close points as ORB-SLAM3 wants to track
   static constexpr int kEnoughMatches = 300;       // with so many the map can do without a keyframe
@@ -520,6 +534,8 @@ class ApsoHook {
   bool by_corners_ = false;  // the pose is that of the corners
   int followed_count_ = 0;   // corners that agree with predicted_
   int frames_on_corners_ = 0;
+  bool by_map_ = true;  // the map told the pose of the last frame
+  int frames_unconfirmed_ = 0;
   int alone_ = 0;  // frames in a row that the direct pose, or corners, have carried without the map
   int chain_ = 1;  // of measurements; the next begins where there was no pose, and where the map was moved
   bool last_ok_ = false;

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <mutex>
+#include <set>
 #include <vector>
 
 #include <Eigen/Core>
@@ -21,12 +22,23 @@ class KeyFrame {
   void SetPose(const Sophus::SE3f& Tcw) { mTcw = Tcw; }
   bool isBad() { return mbBad; }
   KeyFrame* GetParent() { return mpParent; }
-  void ChangeParent(KeyFrame* pKF) { mpParent = pKF; }
+  void ChangeParent(KeyFrame* pKF) {
+    mpParent = pKF;
+    pKF->mspChildrens.insert(this);
+  }
+  void SetFirstConnection(bool bFirst) { mbFirstConnection = bFirst; }
+  // What UpdateConnections() does to the spanning tree once the keyframe shares map points with others.
+  void Connect(KeyFrame* pKF) {
+    if (mbFirstConnection) ChangeParent(pKF);
+    mbFirstConnection = false;
+  }
   long unsigned int mnId = 0;
   double mTimeStamp = 0;
   Sophus::SE3f mTcp;  // from the parent, once it is bad
   Sophus::SE3f mTcw;
   KeyFrame* mpParent = nullptr;
+  std::set<KeyFrame*> mspChildrens;
+  bool mbFirstConnection = true;
   bool mbBad = false;
   // [measured]
   Sophus::SE3f mTcwMeasured;  // +apso

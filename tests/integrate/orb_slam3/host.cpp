@@ -153,4 +153,11 @@ void run_host(const PlayedFrame* frames, int count, float f, float cx, float cy,
     map->points[map->points_count++] = {{x.x(), x.y(), x.z()}, p.isBad() ? 1 : 0};
   }
   list_edges(tracking, frame_of, map);
+  for (std::size_t i = 1; i + 1 < tracking.mKeyFrames.size(); ++i) tracking.mKeyFrames[i].Connect(&tracking.mKeyFrames[i + 1]);
+  map->two_parents = 0;
+  for (ORB_SLAM3::KeyFrame& child : tracking.mKeyFrames) {
+    std::size_t parents = 0;
+    for (const ORB_SLAM3::KeyFrame& k : tracking.mKeyFrames) parents += k.mspChildrens.count(&child);
+    map->two_parents += parents > 1 ? 1 : 0;
+  }
 }

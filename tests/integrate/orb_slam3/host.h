@@ -51,7 +51,8 @@ struct HostMap {
   HostEdge* edges;  // of a bundle adjustment of all keyframes but every fifth, those of even numbers fixed
   int edges_room;
   int edges_count;
-  int silent;  // before the first frame the hook had neither a mask nor times
+  int silent;       // before the first frame the hook had neither a mask nor times
+  int two_parents;  // keyframes that are children of two, once each shares map points with the one made after it
 };
 
 struct HostOptions {

@@ -65,10 +65,11 @@ struct Recording {
     const Pinhole c = sequence.camera();
     map.resize(10000);
     edges.resize(1000);
-    HostMap end{map.data(), static_cast<int>(map.size()), 0, edges.data(), static_cast<int>(edges.size()), 0, 0};
+    HostMap end{map.data(), static_cast<int>(map.size()), 0, edges.data(), static_cast<int>(edges.size()), 0, 0, 0};
     run_host(played.data(), static_cast<int>(frames.size()), static_cast<float>(c.fx), static_cast<float>(c.cx), static_cast<float>(c.cy),
              c.width, c.height, out.data(), &end, {refine, own_thread ? 1 : 0, inverse_depth_sigma});
     CHECK(end.silent == 1);
+    CHECK(end.two_parents == 0);
     map.resize(static_cast<std::size_t>(end.points_count));
     edges.resize(static_cast<std::size_t>(end.edges_count));
     return out;
@@ -168,6 +169,26 @@ TEST_CASE("a few matches that contradict the followed corners are not believed")
   recording.played[kBad].matches = 0;
   const std::vector<HostResult> many = recording.run(APSO_REFINE_NONE);
   CHECK(recording.error(many[kBad].pose, kBad) == doctest::Approx(0.3).epsilon(1e-3));
+}
+
+TEST_CASE("after frames that the map did not tell, a few matches that no corners confirm are not believed for five frames") {
+  Recording recording("static_xyz");
+  constexpr std::size_t kFirst = 20;  // without features: the corners carry 15 frames, and some have no pose
+  constexpr std::size_t kFound = 38;
+  for (std::size_t k = kFirst; k < kFound; ++k) recording.played[k].ok = 0;
+  for (std::size_t k = kFound; k < kFrames; ++k) {
+    recording.play_off(k, 0.3);
+    recording.played[k].matches = 40;
+  }
+  const std::vector<HostResult> few = recording.run(APSO_REFINE_NONE);
+  REQUIRE(few[kFirst - 1].tracking == 1);
+  for (std::size_t k = kFound - 1; k < kFound + 5; ++k) CHECK(few[k].tracking == 0);
+  CHECK(few[kFound + 5].tracking == 1);
+  CHECK(recording.error(few[kFound + 5].pose, kFound + 5) == doctest::Approx(0.3).epsilon(1e-3));
+  // many are believed at once, and what comes after them
+  recording.played[kFound].matches = 0;
+  const std::vector<HostResult> many = recording.run(APSO_REFINE_NONE);
+  for (std::size_t k = kFound; k < kFrames; ++k) CHECK(many[k].tracking == 1);
 }
 
 TEST_CASE("without features and direct pose the followed corners carry the frame, and the map points are looked for from there") {
@@ -345,7 +366,7 @@ TEST_CASE("where direct alignment alone carries some frames a keyframe is made, 
   }
   CHECK(r[kFirst + 4].keyframes == r[kFirst - 1].keyframes + 1);
   CHECK(r[kFirst + 4].reference == static_cast<int>(kFirst) + 4);
-  CHECK(r[kFirst + 4].parent == last);  // in the spanning tree, which the trajectory is found by
+  CHECK(r[kFirst + 4].parent == last);  // in the spanning tree, which the trajectory is found by, and nowhere else in it
   CHECK(recording.error(r[kFirst + 4].pose, kFirst + 4) < 0.01);
   // not with few keypoints, and with the repair of BAD frames alone the map is the host's
   recording.played[kFirst + 4].keypoints = 300;
