@@ -128,8 +128,8 @@ class ApsoHook {
     // A few matches, or fewer than there are corners, that contradict the corners are on something that moves, or wrong.
     const bool outnumbered = followed_count_ > 0 && matches < std::max(int{kFewMatches}, followed_count_);
     if (ok && outnumbered && !Near(frame.GetPose(), ReadInverse(predicted_))) ok = false;
-    // A few matches after frames that the map did not tell, which no corners confirm: a place that is found again, or one like it. More
-    // come in the next frames if it is the place.
+    // A few matches that no corners confirm, after frames whose pose did not come from the map: a place that is found again, or one like
+    // it. More come in the next frames if it is the place.
     const bool unconfirmed = ok && !by_map_ && followed_count_ == 0 && matches < kFewMatches && frames_unconfirmed_ < kFramesUnconfirmed;
     frames_unconfirmed_ = unconfirmed ? frames_unconfirmed_ + 1 : 0;
     if (unconfirmed) ok = false;
@@ -534,7 +534,7 @@ class ApsoHook {
   bool by_corners_ = false;  // the pose is that of the corners
   int followed_count_ = 0;   // corners that agree with predicted_
   int frames_on_corners_ = 0;
-  bool by_map_ = true;  // the map told the pose of the last frame
+  bool by_map_ = true;  // the pose of the last frame came from the map
   int frames_unconfirmed_ = 0;
   int alone_ = 0;  // frames in a row that the direct pose, or corners, have carried without the map
   int chain_ = 1;  // of measurements; the next begins where there was no pose, and where the map was moved

@@ -171,7 +171,7 @@ TEST_CASE("a few matches that contradict the followed corners are not believed")
   CHECK(recording.error(many[kBad].pose, kBad) == doctest::Approx(0.3).epsilon(1e-3));
 }
 
-TEST_CASE("after frames that the map did not tell, a few matches that no corners confirm are not believed for five frames") {
+TEST_CASE("after frames whose pose did not come from the map, a few matches that no corners confirm are not believed for five frames") {
   Recording recording("static_xyz");
   constexpr std::size_t kFirst = 20;  // without features: the corners carry 15 frames, and some have no pose
   constexpr std::size_t kFound = 38;
