@@ -15,6 +15,7 @@ if(NOT APSO_INNER)
                                      $<TARGET_OBJECTS:apso_orb_slam3_host>)
   target_link_libraries(apso_test_orb_slam3 PRIVATE apso_test_main apso::apso apso_flags opencv_core opencv_imgproc opencv_video Threads::Threads)
   target_compile_definitions(apso_test_orb_slam3 PRIVATE APSO_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  target_compile_options(apso_test_orb_slam3 PRIVATE $<$<CONFIG:Release>:-O2>)  # it tracks many frames
   add_test(NAME integrate_orb_slam3 COMMAND apso_test_orb_slam3)
 
   # OpenCV's own RGB-D odometry, where its contributed part is installed (libopencv-contrib-dev).

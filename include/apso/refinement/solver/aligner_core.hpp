@@ -164,7 +164,7 @@ class AlignerCore {
   bool doubtful(int level, const Pose& T, const ExecutorRef& executor) {
     const double bound = options().multi_start_threshold;
     if (bound >= 1) return false;
-    return cost_.mostly_masked() || !(bound > 0) || cost_.evidence(level, T, executor).contradicted >= bound;
+    return cost_.mostly_masked() || !(bound > 0) || cost_.evidence_as_lit(level, T, executor).contradicted >= bound;
   }
 
   // When images of about 80x60 contradict the pose that was found, or masks leave little of them: the most promising of other

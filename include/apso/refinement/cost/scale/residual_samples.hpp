@@ -39,18 +39,8 @@ struct SampledResiduals {
   void estimate(ScaleKind kind) {
     scratch_ = residuals;
     scale = robust_scale_in_place(kind, scratch_);
-    double whole = 0;
-    for (const float s : surface) whole += static_cast<double>(s);
-    picked_.clear();
-    double until = 0;
-    for (std::size_t i = 0; i < surface.size(); ++i) {
-      until += static_cast<double>(surface[i]);
-      while ((static_cast<double>(picked_.size()) + 0.5) * whole < until * static_cast<double>(surface.size())) {
-        picked_.push_back(static_cast<std::uint32_t>(i));
-      }
-    }
-    scratch_ = residuals;
-    pick(scratch_);
+    pick_over_surface();
+    gather(residuals, scratch_);
     scale_over_surface_ = robust_scale_in_place(kind, scratch_);
   }
   [[nodiscard]] bool crowded() const { return scale_over_surface_ < 0.67 * scale; }
@@ -60,17 +50,36 @@ struct SampledResiduals {
   }
   /// As many of the values, spread evenly over the surface.
   void pick(std::vector<float>& values) {
-    all_.swap(values);
-    values.clear();
-    for (const std::uint32_t i : picked_) values.push_back(all_[i]);
+    gather(values, picked_values_);
+    values.swap(picked_values_);
   }
   /// Room to work in.
   [[nodiscard]] std::vector<float>& scratch() { return scratch_; }
 
  private:
+  // The middle of each of as many equal shares of the surface: which residual stands there.
+  void pick_over_surface() {
+    const std::size_t n = surface.size();
+    double whole = 0;
+    for (const float s : surface) whole += static_cast<double>(s);
+    const double share = whole / static_cast<double>(n);
+    picked_.resize(n);
+    std::size_t k = 0;
+    double until = -0.5 * share;  // of the share that is to be filled next
+    for (std::size_t i = 0; i < n; ++i) {
+      until += static_cast<double>(surface[i]);
+      for (; until > 0 && k < n; until -= share) picked_[k++] = static_cast<std::uint32_t>(i);
+    }
+    picked_.resize(k);
+  }
+  void gather(const std::vector<float>& values, std::vector<float>& of_picked) const {
+    of_picked.resize(picked_.size());
+    for (std::size_t i = 0; i < picked_.size(); ++i) of_picked[i] = values[picked_[i]];
+  }
+
   double scale_over_surface_ = 0;
   std::vector<std::uint32_t> picked_;
-  std::vector<float> scratch_, all_;
+  std::vector<float> scratch_, picked_values_;
 };
 
 /// The samples of one reference. Keeps its buffers; the same for any executor.
