@@ -139,15 +139,16 @@ class MovingBodies {
     return clusters_[best];
   }
 
-  // The motion of each cluster by itself; what is left then is the noise of the tracks.
+  // The motion of each cluster by itself; what is left then is the noise of the tracks. One that the pose explains for less than a motion
+  // costs, however exact the tracks are, has none.
   void fit_each(const Pose& T_world_camera) {
-    noise_ = 1;
+    noise_ = kMinPixelNoise;
     errors_.clear();
     for (std::size_t k = 0; k < count_; ++k) {
       Cluster& c = clusters_[k];
       c.T_world_camera = T_world_camera;
       c.moving = false;
-      c.fitted = c.points.size() >= kMinPoints && fit(c.points, c.T_world_camera);
+      c.fitted = c.points.size() >= kMinPoints && cost(c.points, T_world_camera) > kMotionCost && fit(c.points, c.T_world_camera);
       add_errors(c.points, c.T_world_camera);
     }
     if (!errors_.empty()) noise_ = std::max(kMinPixelNoise, std::sqrt(median_error() / kMedianNorm2));

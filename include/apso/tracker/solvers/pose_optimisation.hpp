@@ -217,13 +217,14 @@ inline PoseEquations pose_equations(const Pinhole& camera, const std::vector<Poi
 /// rounds use the inliers without kernel. When most observations are far off at the start, all take part at first.
 [[nodiscard]] inline PoseOptimisation optimise_pose(const Pinhole& camera, std::vector<PointObservation>& observations,
                                                     const Pose& T_world_camera, const PoseOptimisationOptions& options = {}) {
-  constexpr double far_off = 16;  // on squared residuals: four times the bound
+  constexpr double kFarOff = 16;              // on squared residuals: four times the bound
+  constexpr double kEnoughForInliers = 1e-4;  // a step by less leaves the inliers of the next round what they are [m, rad]
   PoseOptimisation result;
   result.T_world_camera = T_world_camera;
   result.status = Status::TooFewMatches;
   if (static_cast<int>(observations.size()) < kMinPoseInliers) return result;
   Pose T = inverse(T_world_camera);
-  if (2 * mark_inliers(camera, observations, T_world_camera, 1, far_off) < static_cast<int>(observations.size())) {
+  if (2 * mark_inliers(camera, observations, T_world_camera, 1, kFarOff) < static_cast<int>(observations.size())) {
     for (PointObservation& o : observations) o.inlier = true;
   }
   Matrix6 information = zeros<Matrix6>();
@@ -245,7 +246,7 @@ inline PoseEquations pose_equations(const Pinhole& camera, const std::vector<Poi
       }
       T = normalized(compose(se3_exp(step), T));
       information = e.H;
-      if (norm(step) < 1e-6) break;
+      if (norm(step) < (round + 1 < options.rounds ? kEnoughForInliers : 1e-6)) break;
     }
     scale = pixel_noise_scale(camera, observations, T, scratch);
     result.inliers = mark_inliers(camera, observations, inverse(T), scale);
