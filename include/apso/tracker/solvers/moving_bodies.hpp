@@ -139,8 +139,8 @@ class MovingBodies {
     return clusters_[best];
   }
 
-  // The motion of each cluster by itself; what is left then is the noise of the tracks. One that the pose explains for less than a motion
-  // costs, however exact the tracks are, has none.
+  // The motion of each cluster by itself; what is left then is the noise of the tracks. Where the pose explains one for less than a motion
+  // costs, however exact the tracks are, it will do: the body that the pose follows is such a one, and so is what rests with it.
   void fit_each(const Pose& T_world_camera) {
     noise_ = kMinPixelNoise;
     errors_.clear();
@@ -148,7 +148,8 @@ class MovingBodies {
       Cluster& c = clusters_[k];
       c.T_world_camera = T_world_camera;
       c.moving = false;
-      c.fitted = c.points.size() >= kMinPoints && cost(c.points, T_world_camera) > kMotionCost && fit(c.points, c.T_world_camera);
+      const bool explained = cost(c.points, T_world_camera) <= kMotionCost;
+      c.fitted = c.points.size() >= kMinPoints && (explained || fit(c.points, c.T_world_camera));
       add_errors(c.points, c.T_world_camera);
     }
     if (!errors_.empty()) noise_ = std::max(kMinPixelNoise, std::sqrt(median_error() / kMedianNorm2));
