@@ -51,8 +51,8 @@ class LkTracker {
       for (const PointTrack& t : tracks_) from_.emplace_back(t.x, t.y);
       const cv::TermCriteria stop(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 20, 0.03);
       cv::calcOpticalFlowPyrLK(previous_pyramid_, pyramid_, from_, to_, ok_, cv::noArray(), window, kLevels, stop);
-      back_ = from_;  // one that has not slipped is there already: no pyramid is needed
-      cv::calcOpticalFlowPyrLK(pyramid_, previous_pyramid_, to_, back_, ok_back_, cv::noArray(), window, 0, stop,
+      back_ = from_;
+      cv::calcOpticalFlowPyrLK(pyramid_, previous_pyramid_, to_, back_, ok_back_, cv::noArray(), window, kLevels, stop,
                                cv::OPTFLOW_USE_INITIAL_FLOW);
       const double limit2 = kRoundTrip * kRoundTrip;
       for (std::size_t i = 0; i < tracks_.size(); ++i) {
