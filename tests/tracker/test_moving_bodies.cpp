@@ -83,7 +83,7 @@ TEST_CASE("a body before a wall drags the pose of single tracks along, and not t
   CHECK(dragged >= 10);  // the case is the hard one
 }
 
-TEST_CASE("the pose of the body is given: it explains the body, which moves all the same") {
+TEST_CASE("a body is told to move even where the given pose is its own") {
   Twist xi;
   xi << 0.003, -0.002, 0.004, 0.002, -0.004, 0.001;
   const Pose truth = se3_exp(xi);

@@ -139,8 +139,8 @@ class MovingBodies {
     return clusters_[best];
   }
 
-  // The motion of each cluster by itself; what is left then is the noise of the tracks. Where the pose explains one for less than a motion
-  // costs, however exact the tracks are, it will do: the body that the pose follows is such a one, and so is what rests with it.
+  // The motion of each cluster by itself; what is left then is the noise of the tracks. A cluster that the pose explains for less than a
+  // motion costs, however exact the tracks are, is not fitted: its own motion is that pose. The body that the pose follows may be one.
   void fit_each(const Pose& T_world_camera) {
     noise_ = kMinPixelNoise;
     errors_.clear();
