@@ -19,6 +19,7 @@ foreach(_pair IN ITEMS GXX:17 CLANGXX:20)
     add_test(NAME ${_name} COMMAND ${CMAKE_COMMAND} -DCOMPILER=${APSO_${_compiler}} -DSTANDARD=${_standard}
                                    -DINCLUDE=${PROJECT_SOURCE_DIR}/include -DEIGEN=${_eigen}
                                    -DCASES=${CMAKE_CURRENT_LIST_DIR} -DCONTROL=${_is_control}
+                                   -DSCRATCH=${CMAKE_CURRENT_BINARY_DIR}/${_name}
                                    -P ${CMAKE_CURRENT_LIST_DIR}/check.cmake)
     set_tests_properties(${_name} PROPERTIES TIMEOUT 900)
   endif()

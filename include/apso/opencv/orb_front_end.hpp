@@ -80,27 +80,80 @@ class OrbFrontEnd {
   static constexpr int kPatch = 31;
   static constexpr int kHalf = 15;
   static constexpr int kEdge = 19;
+  static constexpr int kLate = 1 << 20;  // added to the rank of weak corners, more than a cell has corners
 
   struct Candidate {
-    float x, y, response;
-    int rank;  // 0 = the strongest of its cell
+    float x, y, response;  // position inside the border
+    int rank;              // 0 = the strongest of its cell
     int cell;
   };
 
-  void detect_level(const cv::Mat& image, int level, float scale, int wanted) {
-    const cv::Rect inside(kEdge - 3, kEdge - 3, image.cols - 2 * (kEdge - 3), image.rows - 2 * (kEdge - 3));
-    if (inside.width < 8 || inside.height < 8) return;
-    cv::FAST(image(inside), corners_, options_.min_fast_threshold, true);
-    const double side = std::max(8.0, std::sqrt(double(inside.width) * inside.height / std::max(1, wanted)));
-    const int columns = std::max(1, static_cast<int>(inside.width / side));
-    const int rows = std::max(1, static_cast<int>(inside.height / side));
-    candidates_.clear();
-    for (const cv::KeyPoint& c : corners_) {
-      const int cx = std::min(columns - 1, static_cast<int>(c.pt.x * static_cast<float>(columns) / static_cast<float>(inside.width)));
-      const int cy = std::min(rows - 1, static_cast<int>(c.pt.y * static_cast<float>(rows) / static_cast<float>(inside.height)));
-      candidates_.push_back(
-          {c.pt.x + static_cast<float>(inside.x), c.pt.y + static_cast<float>(inside.y), c.response, 0, cy * columns + cx});
+  /// The part of a level that has corners, in cells, about as many as corners are wanted.
+  struct Grid {
+    cv::Rect inside;
+    int columns, rows;
+    Grid(const cv::Mat& image, int wanted) : inside(kEdge - 3, kEdge - 3, image.cols - 2 * (kEdge - 3), image.rows - 2 * (kEdge - 3)) {
+      const double side = std::max(8.0, std::sqrt(double(inside.width) * inside.height / std::max(1, wanted)));
+      columns = std::max(1, static_cast<int>(inside.width / side));
+      rows = std::max(1, static_cast<int>(inside.height / side));
     }
+    [[nodiscard]] int cell(const cv::Point2f& p) const {
+      const int cx = std::min(columns - 1, static_cast<int>(p.x * static_cast<float>(columns) / static_cast<float>(inside.width)));
+      const int cy = std::min(rows - 1, static_cast<int>(p.y * static_cast<float>(rows) / static_cast<float>(inside.height)));
+      return cy * columns + cx;
+    }
+    /// What FAST has to see to find the corners of these cells: its circle of 3 px, around the neighbours as well.
+    [[nodiscard]] cv::Rect around(int first, int last) const {
+      constexpr int margin = 5;
+      const bool one_row = last - first < columns;
+      const int left = one_row ? first % columns : 0;
+      const int right = one_row ? left + last - first : columns;
+      const cv::Point from(left * inside.width / columns - margin, first / columns * inside.height / rows - margin);
+      const cv::Point to(right * inside.width / columns + margin + 1, ((last - 1) / columns + 1) * inside.height / rows + margin + 1);
+      return cv::Rect(from, to) & cv::Rect({}, inside.size());
+    }
+  };
+
+  // Weak corners are most of those that can be found, and few of those that are taken: unless the strong ones are too few, they are looked
+  // for only in cells that have no strong one.
+  void detect_level(const cv::Mat& image, int level, float scale, int wanted) {
+    const Grid grid(image, wanted);
+    if (grid.inside.width < 8 || grid.inside.height < 8) return;
+    const auto count = static_cast<std::size_t>(std::max(0, wanted));
+    candidates_.clear();
+    add_corners(image, grid, 0, grid.columns * grid.rows, std::max(options_.fast_threshold, options_.min_fast_threshold));
+    if (candidates_.size() < count) {
+      candidates_.clear();
+      add_corners(image, grid, 0, grid.columns * grid.rows, options_.min_fast_threshold);
+    } else if (options_.min_fast_threshold < options_.fast_threshold) {
+      has_corner_.assign(static_cast<std::size_t>(grid.columns * grid.rows), false);
+      for (const Candidate& c : candidates_) has_corner_[static_cast<std::size_t>(c.cell)] = true;
+      for (int row = 0; row < grid.rows; ++row) {
+        const auto first = has_corner_.begin() + row * grid.columns;
+        const auto last = first + grid.columns;
+        for (auto from = std::find(first, last, false); from != last;) {
+          const auto to = std::find(from, last, true);
+          add_corners(image, grid, static_cast<int>(from - has_corner_.begin()), static_cast<int>(to - has_corner_.begin()),
+                      options_.min_fast_threshold);
+          from = std::find(to, last, false);
+        }
+      }
+    }
+    take_best(image, grid, count, level, scale);
+  }
+
+  // Those in the cells from first up to, not including, last: a part of one row, or whole rows.
+  void add_corners(const cv::Mat& image, const Grid& grid, int first, int last, int threshold) {
+    const cv::Rect part = grid.around(first, last);
+    cv::FAST(image(grid.inside)(part), corners_, threshold, true);
+    for (const cv::KeyPoint& k : corners_) {
+      const cv::Point2f p = k.pt + cv::Point2f(part.tl());
+      const int cell = grid.cell(p);
+      if (first <= cell && cell < last) candidates_.push_back({p.x, p.y, k.response, 0, cell});
+    }
+  }
+
+  void take_best(const cv::Mat& image, const Grid& grid, std::size_t wanted, int level, float scale) {
     const auto position_less = [](const Candidate& a, const Candidate& b) { return a.y != b.y ? a.y < b.y : a.x < b.x; };
     std::sort(candidates_.begin(), candidates_.end(), [&](const Candidate& a, const Candidate& b) {
       if (a.cell != b.cell) return a.cell < b.cell;
@@ -111,19 +164,21 @@ class OrbFrontEnd {
     for (std::size_t i = 0; i < candidates_.size(); ++i) {
       rank = i > 0 && candidates_[i].cell == candidates_[i - 1].cell ? rank + 1 : 0;
       // a weak corner counts only as the best of its cell, or late
-      candidates_[i].rank = rank == 0 || candidates_[i].response >= static_cast<float>(options_.fast_threshold) ? rank : rank + 100;
+      candidates_[i].rank = rank == 0 || candidates_[i].response >= static_cast<float>(options_.fast_threshold) ? rank : rank + kLate;
     }
-    const auto better = [&](const Candidate& a, const Candidate& b) {
-      if (a.rank != b.rank) return a.rank < b.rank;
-      if (a.response != b.response) return a.response > b.response;
-      return position_less(a, b);
-    };
-    const std::size_t count = std::min(candidates_.size(), static_cast<std::size_t>(std::max(0, wanted)));
-    std::partial_sort(candidates_.begin(), candidates_.begin() + static_cast<std::ptrdiff_t>(count), candidates_.end(), better);
+    const std::size_t count = std::min(candidates_.size(), wanted);
+    std::partial_sort(candidates_.begin(), candidates_.begin() + static_cast<std::ptrdiff_t>(count), candidates_.end(),
+                      [&](const Candidate& a, const Candidate& b) {
+                        if (a.rank != b.rank) return a.rank < b.rank;
+                        if (a.response != b.response) return a.response > b.response;
+                        return position_less(a, b);
+                      });
     for (std::size_t i = 0; i < count; ++i) {
       const Candidate& c = candidates_[i];
-      found_.emplace_back(c.x * scale, c.y * scale, static_cast<float>(kPatch) * scale,
-                          orientation(image, static_cast<int>(c.x), static_cast<int>(c.y)), c.response, level);
+      const float x = c.x + static_cast<float>(grid.inside.x);
+      const float y = c.y + static_cast<float>(grid.inside.y);
+      found_.emplace_back(x * scale, y * scale, static_cast<float>(kPatch) * scale,
+                          orientation(image, static_cast<int>(x), static_cast<int>(y)), c.response, level);
     }
   }
 
@@ -154,6 +209,7 @@ class OrbFrontEnd {
   std::vector<cv::KeyPoint> corners_;
   std::vector<cv::KeyPoint> found_;
   std::vector<Candidate> candidates_;
+  std::vector<bool> has_corner_;  // for each cell
 };
 
 }  // namespace opencv

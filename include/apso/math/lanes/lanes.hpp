@@ -124,6 +124,7 @@ struct BasicIntLanes {
 
   [[nodiscard]] friend APSO_INLINE BasicIntLanes operator+(const BasicIntLanes& a, const BasicIntLanes& b) { return {a.v + b.v}; }
   [[nodiscard]] friend APSO_INLINE BasicIntLanes operator-(const BasicIntLanes& a, const BasicIntLanes& b) { return {a.v - b.v}; }
+  [[nodiscard]] friend APSO_INLINE BasicIntLanes operator*(const BasicIntLanes& a, const BasicIntLanes& b) { return {a.v * b.v}; }
   [[nodiscard]] friend APSO_INLINE BasicIntLanes operator&(const BasicIntLanes& a, const BasicIntLanes& b) { return {a.v & b.v}; }
   [[nodiscard]] friend APSO_INLINE BasicIntLanes operator|(const BasicIntLanes& a, const BasicIntLanes& b) { return {a.v | b.v}; }
   [[nodiscard]] friend APSO_INLINE BasicIntLanes operator!(const BasicIntLanes& a) { return {~a.v}; }

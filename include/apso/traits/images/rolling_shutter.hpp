@@ -22,7 +22,10 @@
 #include <vector>
 
 #include <apso/config.hpp>
+#include <apso/math/lanes/lane_functions.hpp>
+#include <apso/math/lanes/lane_memory.hpp>
 #include <apso/math/lanes/lanes.hpp>
+#include <apso/math/lanes/wide_lanes.hpp>
 #include <apso/math/se3.hpp>
 #include <apso/traits/any.hpp>
 #include <apso/types/image_view.hpp>
@@ -44,11 +47,11 @@ class RollingShutter {
   RollingShutter(const Pinhole& camera, double readout) : camera_(camera), readout_(readout) {
     camera.validate();
     expects(std::abs(readout) <= kLongest, "RollingShutter: readout must be in [-0.2, 0.2] s");
-    x_.resize(static_cast<std::size_t>(camera.width + kLanes));
+    x_.resize(static_cast<std::size_t>(camera.width + kWideLanes));
     for (int x = 0; x < camera.width; ++x) x_[static_cast<std::size_t>(x)] = static_cast<float>((x - camera.cx) / camera.fx);
     inverse_depth_.resize(x_.size());
-    seen_.resize(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height) + kLanes);
-    for (int i = 0; i < kLanes; ++i) count_[static_cast<std::size_t>(i)] = static_cast<float>(i);
+    seen_.resize(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height) + kWideLanes);
+    for (int i = 0; i < kWideLanes; ++i) count_[static_cast<std::size_t>(i)] = static_cast<float>(i);
   }
 
   [[nodiscard]] double readout() const { return readout_; }
@@ -108,7 +111,10 @@ class RollingShutter {
             "RollingShutter: the frame was taken with another camera");
   }
   /// [m]; false for NaN.
-  [[nodiscard]] static Mask measured(const Lanes& z) { return (z > Lanes(1e-3F)) & (z < Lanes(1e6F)); }
+  template <int lanes>
+  [[nodiscard]] static APSO_INLINE BasicIntLanes<lanes> measured(const BasicLanes<lanes>& z) {
+    return (z > BasicLanes<lanes>(1e-3F)) & (z < BasicLanes<lanes>(1e6F));
+  }
   /// The inverse depth of each pixel of a row, or that of the nearest to the left that has one.
   void find_inverse_depth(int y) {
     const int w = camera_.width;
@@ -126,67 +132,68 @@ class RollingShutter {
     }
   }
   void follow_row(int y, const Twist& velocity, float delay) {
-    using std::max;
-    using std::min;
-    const int w = camera_.width;
-    const int h = camera_.height;
-    const auto fx = static_cast<float>(camera_.fx);
-    const auto fy = static_cast<float>(camera_.fy);
-    const auto vx = static_cast<float>(velocity(0)), vy = static_cast<float>(velocity(1)), vz = static_cast<float>(velocity(2));
-    const auto wx = static_cast<float>(velocity(3)), wy = static_cast<float>(velocity(4)), wz = static_cast<float>(velocity(5));
-    const auto Y = static_cast<float>((y - camera_.cy) / camera_.fy);
-    const auto row_time = static_cast<float>(readout_ / h);             // from one row to the next
-    const auto first = static_cast<float>(readout_ * (0.5 / h - 0.5));  // time of row 0
-    const auto yf = static_cast<float>(y);
-    const auto width = static_cast<float>(w);
-    const auto height = static_cast<float>(h);
     find_inverse_depth(y);
-    float* map_x = map_x_.row(y);
-    float* map_y = map_y_.row(y);
-    float* moved = moved_.row(y);
-    for (int x = 0; x < w; x += kLanes) {
-      const auto offset = static_cast<std::size_t>(x);
-      const Lanes column = Lanes(static_cast<float>(x)) + Lanes::load(count_.data());
-      const Lanes X = Lanes::load(x_.data() + offset);
-      const Lanes k = Lanes::load(inverse_depth_.data() + offset);
-      // velocity of a point that stands still, seen from the camera, by its depth
-      const Lanes qx = -(vx * k + wy - wz * Y);
-      const Lanes qy = -(vy * k + wz * X - wx);
-      const Lanes qz = -(vz * k + wx * Y - wy * X);
-      const Lanes flow_x = fx * (qx - X * qz);  // [px/s]
-      const Lanes flow_y = fy * (qy - Y * qz);
-      // it was seen in row r = y + flow_y s(r) at time s(r) = first + row_time r, in the depth image `delay` later
-      const Lanes slower = 1.0F / max(1.0F - flow_y * row_time, Lanes(kLeast));
-      const Lanes r = (yf + flow_y * first) * slower;
-      const int n = min(kLanes, w - x);
-      store(min(max(r, Lanes(0.0F)), Lanes(height - 1)), n, map_y + x);
-      store(min(max(column + flow_x * (first + row_time * r), Lanes(0.0F)), Lanes(width - 1)), n, map_x + x);
+    in_widest_lanes([this, y, velocity, delay](auto lanes) {
+      using std::max;
+      using std::min;
+      using L = BasicLanes<lanes>;
+      const int w = camera_.width;
+      const int h = camera_.height;
+      const auto fx = static_cast<float>(camera_.fx);
+      const auto fy = static_cast<float>(camera_.fy);
+      const auto vx = static_cast<float>(velocity(0)), vy = static_cast<float>(velocity(1)), vz = static_cast<float>(velocity(2));
+      const auto wx = static_cast<float>(velocity(3)), wy = static_cast<float>(velocity(4)), wz = static_cast<float>(velocity(5));
+      const auto Y = static_cast<float>((y - camera_.cy) / camera_.fy);
+      const auto row_time = static_cast<float>(readout_ / h);             // from one row to the next
+      const auto first = static_cast<float>(readout_ * (0.5 / h - 0.5));  // time of row 0
+      const auto yf = static_cast<float>(y);
+      const auto width = static_cast<float>(w);
+      const auto height = static_cast<float>(h);
+      float* map_x = map_x_.row(y);
+      float* map_y = map_y_.row(y);
+      float* moved = moved_.row(y);
+      for (int x = 0; x < w; x += lanes) {
+        const auto offset = static_cast<std::size_t>(x);
+        const L column = L(static_cast<float>(x)) + L::load(count_.data());
+        const L X = L::load(x_.data() + offset);
+        const L k = L::load(inverse_depth_.data() + offset);
+        // velocity of a point that stands still, seen from the camera, by its depth
+        const L qx = -(vx * k + wy - wz * Y);
+        const L qy = -(vy * k + wz * X - wx);
+        const L qz = -(vz * k + wx * Y - wy * X);
+        const L flow_x = fx * (qx - X * qz);  // [px/s]
+        const L flow_y = fy * (qy - Y * qz);
+        // it was seen in row r = y + flow_y s(r) at time s(r) = first + row_time r, in the depth image `delay` later
+        const L slower = 1.0F / max(1.0F - flow_y * row_time, L(kLeast));
+        const L r = (yf + flow_y * first) * slower;
+        const int n = min<int>(lanes, w - x);
+        store(min(max(r, L(0.0F)), L(height - 1)), n, map_y + x);
+        store(min(max(column + flow_x * (first + row_time * r), L(0.0F)), L(width - 1)), n, map_x + x);
 
-      const Lanes depth_y = (yf + flow_y * (first + delay)) * slower;
-      const Lanes time = delay + first + row_time * depth_y;
-      const Lanes u = column + flow_x * time + 0.5F;
-      const Lanes v = depth_y + 0.5F;
-      const Mask inside = (u > Lanes(0.0F)) & (v > Lanes(0.0F)) & (u < Lanes(width)) & (v < Lanes(height));
-      const Lanes z = nearest(select(inside, u, 0.0F), select(inside, v, 0.0F));
-      const Lanes z_now = z + time * (vz + z * (wx * Y - wy * X));
-      store(select(inside & measured(z) & (z_now > Lanes(0.0F)), z_now, 0.0F), n, moved + x);
-    }
+        const L depth_y = (yf + flow_y * (first + delay)) * slower;
+        const L time = delay + first + row_time * depth_y;
+        const L u = column + flow_x * time + 0.5F;
+        const L v = depth_y + 0.5F;
+        const auto inside = (u > L(0.0F)) & (v > L(0.0F)) & (u < L(width)) & (v < L(height));
+        const L z = nearest(select(inside, u, 0.0F), select(inside, v, 0.0F));
+        const L z_now = z + time * (vz + z * (wx * Y - wy * X));
+        store(select(inside & measured(z) & (z_now > L(0.0F)), z_now, 0.0F), n, moved + x);
+      }
+    });
   }
   /// The first n lanes.
-  static APSO_INLINE void store(const Lanes& v, int n, float* to) {
-    if (n == kLanes) {
+  template <int lanes>
+  static APSO_INLINE void store(const BasicLanes<lanes>& v, int n, float* to) {
+    if (n == lanes) {
       v.store(to);
     } else {
       std::memcpy(to, &v.v, sizeof(float) * static_cast<std::size_t>(n));
     }
   }
   /// Depth of the pixels (u, v), inside of the image, rounded down.
-  [[nodiscard]] APSO_INLINE Lanes nearest(const Lanes& u, const Lanes& v) const {
-    const IntLanes column = to_int(u);
-    const IntLanes row = to_int(v);
-    float z[kLanes];
-    for (int i = 0; i < kLanes; ++i) z[i] = seen_row(row[i])[column[i]];
-    return Lanes::load(z);
+  template <int lanes>
+  [[nodiscard]] APSO_INLINE BasicLanes<lanes> nearest(const BasicLanes<lanes>& u, const BasicLanes<lanes>& v) const {
+    return gather(seen_.data(), to_int(v) * all_lanes<lanes>(camera_.width) + to_int(u));
   }
   [[nodiscard]] float* seen_row(int y) { return seen_.data() + static_cast<std::ptrdiff_t>(camera_.width) * y; }
   [[nodiscard]] const float* seen_row(int y) const { return seen_.data() + static_cast<std::ptrdiff_t>(camera_.width) * y; }
@@ -202,13 +209,13 @@ class RollingShutter {
 
   Pinhole camera_;
   double readout_;
-  std::array<float, kLanes> count_;   // 0, 1, 2 ...
-  std::vector<float> x_;              // of the ray (x, y, 1) of each column; as the next two with room for Lanes beyond the end
-  std::vector<float> inverse_depth_;  // of one row [1/m]
-  std::vector<float> seen_;           // depth as it was read [m]
-  Image<float> moved_;                // depth [m]
-  Image<float> map_x_, map_y_;        // [px]
-  Image<float> read_;                 // intensity as it was read
+  std::array<float, kWideLanes> count_;  // 0, 1, 2 ...
+  std::vector<float> x_;                 // of the ray (x, y, 1) of each column; as the next two with room for lanes beyond the end
+  std::vector<float> inverse_depth_;     // of one row [1/m]
+  std::vector<float> seen_;              // depth as it was read [m]
+  Image<float> moved_;                   // depth [m]
+  Image<float> map_x_, map_y_;           // [px]
+  Image<float> read_;                    // intensity as it was read
 };
 
 APSO_NAMESPACE_END
