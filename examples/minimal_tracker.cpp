@@ -73,7 +73,7 @@ void run(const std::string& folder, const std::string& camera_text, const std::s
   options.inverse_depth_sigma = model.inverse_depth_sigma;
   apso::opencv::FeatureTracker tracker(camera, options);  // ORB features, Lucas-Kanade tracks, a local map
   apso::PipelineOptions settings;
-  settings.refiner.follow_features = apso::follow_for_depth(model.inverse_depth_sigma);
+  apso::take_depth_noise(model.inverse_depth_sigma, settings.refiner);
   apso::Pipeline pipeline(camera, settings);
   for (const Images& i : images) {
     rectifier.colour(cv::imread(i.colour), colour);

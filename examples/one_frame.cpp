@@ -246,7 +246,7 @@ int main() {
         "the\n"
         "difference of the depth grids, in units of 0.1 / m, M that of the poses, in units of 0.15 m and 10 degrees:\n\n"
         "| good frame | D | M | distance, sqrt(D^2 + M^2) | | age [s] | B |\n|---|---|---|---|---|---|---|\n",
-        memory.size(), mem.th_keyframes, mem.references);
+        memory.size(), mem.th_keyframes, mem.most_references());
     agreed(near.front().distance, r.reference_distance, 1e-6);
     for (std::size_t k = 0; k < 3 && k < near.size(); ++k) {
       const double age = image.timestamp - near[k].entry->timestamp;

@@ -35,8 +35,7 @@ Config read_config(const std::string& file);
 inline void take_depth_noise(double inverse_depth_sigma, Config& config) {
   if (inverse_depth_sigma == 0) return;
   if (config.tracker.inverse_depth_sigma == 0) config.tracker.inverse_depth_sigma = inverse_depth_sigma;
-  double& follow = config.pipeline.refiner.follow_features;
-  if (follow < 0) follow = apso::follow_for_depth(inverse_depth_sigma);
+  apso::take_depth_noise(inverse_depth_sigma, config.pipeline.refiner);
 }
 
 /// Prints every setting with its value and range, and how many there are in each group.

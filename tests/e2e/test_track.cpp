@@ -177,22 +177,28 @@ TEST_CASE("a synthetic recording on disk is the one that apso_track makes on the
 
   // the noise of its depth is that of its camera, unless the settings say something else
   double follow = 0;  // of the refiner
+  int references = 0;
   const auto depth_noise = [&](const std::string& more) {
     const std::string command =
         (f.path / "in").string() + camera + " --quiet --max-frames 2 --output " + (f.path / "noise").string() + more;
     REQUIRE(run(APSO_TRACK, command, f.path).code == 0);
     const json settings = read_json(f.path / "noise" / "summary.json")["options"];
     follow = settings["pipeline"]["refiner"]["follow_features"].get<double>();
+    references = settings["pipeline"]["refiner"]["memory"]["references"].get<int>();
     return settings["tracker"]["inverse_depth_sigma"].get<double>();
   };
   CHECK(depth_noise("") == 0);
   CHECK(follow == -1);
+  CHECK(references == 0);
   std::ofstream(f.path / "in" / "camera.yaml", std::ios::app) << "inverse_depth_sigma: 0.012\n";
   CHECK(depth_noise("") == 0.012);
   CHECK(follow == doctest::Approx(0.3));
-  std::ofstream(f.path / "noise.yaml") << "tracker: {inverse_depth_sigma: 0.02}\npipeline: {refiner: {follow_features: 0.1}}\n";
+  CHECK(references == 1);
+  std::ofstream(f.path / "noise.yaml")
+      << "tracker: {inverse_depth_sigma: 0.02}\npipeline: {refiner: {follow_features: 0.1, memory: {references: 2}}}\n";
   CHECK(depth_noise(" --config " + (f.path / "noise.yaml").string()) == 0.02);
   CHECK(follow == 0.1);
+  CHECK(references == 2);
 
   apso::testing::SyntheticOptions options;
   options.frames = 8;

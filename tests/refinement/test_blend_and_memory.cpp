@@ -432,6 +432,41 @@ TEST_CASE("references follow the feature poses of GOOD frames by the share that 
   }
 }
 
+TEST_CASE("the depth noise of a camera decides what the options leave open") {
+  RefinerOptions unknown, exact, shared, asked;
+  take_depth_noise(0, unknown);
+  take_depth_noise(kInverseDepthSigma, exact);
+  take_depth_noise(.012, shared);
+  asked.follow_features = 0;
+  asked.memory.references = 2;
+  take_depth_noise(.012, asked);
+  CHECK(unknown.follow_features == 0);
+  CHECK(exact.follow_features == 0);
+  CHECK(shared.follow_features == follow_for_depth(.012));
+  CHECK(asked.follow_features == 0);
+
+  const Pinhole cam = room::camera(160);
+  const room::Frame f = room::render(cam, Pose::Identity());
+  const FrameDescriptor d{depth_grid(f.depth), {}};
+  const auto chosen = [&](const MemoryOptions& o) {
+    ReferenceMemory memory(o);
+    FramePyramid p;
+    ReferenceMemory::Selection s;
+    for (int i = 0; i < 5; ++i) {  // all of them near
+      p.build(f.view(i), cam, {}, {}, PyramidRole::Reference);
+      memory.insert(p, d, room::pose(.01 * i, 0, 0, 0, 0, 0));
+    }
+    memory.select(5, room::pose(.031, 0, 0, 0, 0, 0), d, s);
+    CHECK(s.references.front().T_world_reference.translation().x() == .03);
+    return s.references.size();
+  };
+  CHECK(chosen({}) == kReferences);
+  CHECK(chosen(unknown.memory) == kReferences);
+  CHECK(chosen(exact.memory) == kReferences);
+  CHECK(chosen(shared.memory) == 1);
+  CHECK(chosen(asked.memory) == 2);
+}
+
 TEST_CASE("the printed forms together refine a frame by w_diff alone") {
   RefinerOptions o = paper_refiner_options();
   const Refinement r = refine_bad_frame(o);  // no tracks: the reference is the latest

@@ -19,6 +19,13 @@ APSO_NAMESPACE_BEGIN
   return inverse_depth_sigma > kInverseDepthSigma ? kMost * (1 - kInverseDepthSigma / inverse_depth_sigma) : 0.0;
 }
 
+/// MemoryOptions::references for a camera: kReferences where the errors of its depths are independent, so that each reference makes the
+/// pose more exact; 1, besides the frame before, where references that lie side by side share their errors (docs/tracker.md).
+/// \param inverse_depth_sigma as in follow_for_depth()
+[[nodiscard]] inline int references_for_depth(double inverse_depth_sigma) {
+  return inverse_depth_sigma > kInverseDepthSigma ? 1 : kReferences;
+}
+
 struct RefinerOptions {
   PyramidOptions pyramid;
   AlignmentOptions alignment;
@@ -44,6 +51,13 @@ struct RefinerOptions {
   }
 };
 
+/// Sets what the options leave to the camera: follow_features and memory.references.
+/// \param inverse_depth_sigma as in follow_for_depth()
+inline void take_depth_noise(double inverse_depth_sigma, RefinerOptions& options) {
+  if (options.follow_features < 0) options.follow_features = follow_for_depth(inverse_depth_sigma);
+  if (options.memory.references == 0) options.memory.references = references_for_depth(inverse_depth_sigma);
+}
+
 /// Equations (12) to (17) as printed, as far as they can be computed: those of one alignment by paper_alignment(); of (12), M is
 /// the optical flow, which the paper calls the motion characteristic of a frame; (16) with its printed sign of the decay; (17)
 /// with the weight w_diff alone, without confidence, gates or required masks. The sum of pose matrices in (17) is no pose: the
@@ -54,6 +68,7 @@ struct RefinerOptions {
   o.memory.form = DistanceForm::Sum;
   o.memory.motion = MotionForm::FlowGrid;
   o.memory.decay_form = DecayForm::Printed;
+  o.memory.references = kReferences;
   o.memory.previous = false;
   o.blend.form = BlendForm::ScrewLinear;
   o.blend.weight = BlendWeight::Printed;

@@ -42,10 +42,14 @@ enum class DecayForm {
 };
 constexpr std::array<const char*, 2> enum_names(DecayForm) { return {"age", "printed"}; }
 
+/// MemoryOptions::references where nothing is known of the camera.
+inline constexpr int kReferences = 3;
+
 struct MemoryOptions {
   int capacity = 20;          ///< frames kept; as many as the geometry database of DynaSLAM
   double th_keyframes = 1.2;  ///< largest distance of a reference, dimensionless; see motion_distance()
-  int references = 3;         ///< K of eq. (16): most references at once
+  int references = 0;         ///< K of eq. (16): most references at once; 0: references_for_depth() where a program knows its camera,
+                              ///< else kReferences
   double decay = 0.5;         ///< lambda of eq. (16) [1/s]
   DistanceForm form = DistanceForm::Euclidean;
   MotionForm motion = MotionForm::RelativePose;
@@ -55,13 +59,14 @@ struct MemoryOptions {
   static void fields(Self& s, V&& v) {
     v("capacity", s.capacity, 1, 1000);
     v("th_keyframes", s.th_keyframes, 0.0, 1e6);
-    v("references", s.references, 1, 8);
+    v("references", s.references, 0, 8);
     v("decay", s.decay, 0.0, 1e6);
     v("form", s.form);
     v("motion", s.motion);
     v("decay_form", s.decay_form);
     v("previous", s.previous);
   }
+  [[nodiscard]] int most_references() const { return references > 0 ? references : kReferences; }
 };
 
 /// Weight B_k of a reference of time t_k at time t_c [s].
@@ -213,7 +218,7 @@ class ReferenceMemory {
     });
     if (!order_.empty()) out.distance = order_.front().distance;
     for (const Candidate& c : order_) {
-      if (c.distance > options_.th_keyframes || static_cast<int>(out.references.size()) >= options_.references) break;
+      if (c.distance > options_.th_keyframes || static_cast<int>(out.references.size()) >= options_.most_references()) break;
       add(c.index, timestamp, out);
     }
     if (!out.references.empty()) return;
