@@ -1,8 +1,13 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <map>
 #include <set>
+#include <utility>
+#include <vector>
 
+#include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include <apso/opencv/feature_tracker.hpp>
@@ -132,6 +137,66 @@ TEST_CASE("keypoints lie everywhere in the image") {
     cells.insert(static_cast<int>(k.x) / 80 + 4 * (static_cast<int>(k.y) / 80));
   }
   CHECK(cells.size() == 12);
+}
+
+TEST_CASE("corners are those of FAST in the whole image; where strong ones are lacking, weak ones are found") {
+  // left half with strong corners, right half with weak ones, a flat frame around both
+  cv::Mat_<uchar> image(480, 640, uchar{100});
+  cv::RNG random(7);
+  for (int y = 40; y < 440; y += 8) {
+    for (int x = 40; x < 600; x += 8) {
+      const int contrast = x < 320 ? random.uniform(30, 90) : random.uniform(9, 18);
+      const cv::Point at(x + random.uniform(0, 4), y + random.uniform(0, 4));
+      image(cv::Rect(at, cv::Size(3, 3))).setTo(100 + contrast);
+      image(at + cv::Point(1, 1)) += 3;  // stronger than its neighbours
+    }
+  }
+  opencv::OrbOptions options;
+  options.levels = 1;
+  std::vector<cv::KeyPoint> all;
+  cv::FAST(image, all, options.min_fast_threshold, true);
+  std::map<std::pair<float, float>, float> response;
+  std::size_t strong = 0;
+  for (const cv::KeyPoint& k : all) {
+    response[{k.pt.x, k.pt.y}] = k.response;
+    strong += k.response >= static_cast<float>(options.fast_threshold);
+  }
+  std::vector<Keypoint> keypoints;
+  cv::Mat descriptors;
+  for (const int wanted : {300, 1000, 5000}) {
+    CAPTURE(wanted);
+    options.features = wanted;
+    opencv::OrbFrontEnd(options).extract(image, keypoints, descriptors);
+    std::size_t weak = 0;
+    bool same = true;
+    std::set<std::pair<float, float>> found;
+    for (const Keypoint& k : keypoints) {
+      const auto i = response.find({k.x, k.y});
+      same = same && i != response.end() && i->second == k.response && found.insert({k.x, k.y}).second;
+      weak += k.response < static_cast<float>(options.fast_threshold);
+    }
+    CHECK(same);
+    if (wanted == 5000) {  // more than there are: all of them
+      CHECK(keypoints.size() == all.size());
+      continue;
+    }
+    REQUIRE(strong > static_cast<std::size_t>(wanted));
+    CHECK(keypoints.size() == static_cast<std::size_t>(wanted));
+    // the cells are about as many as corners are wanted, and the best one of each is among them
+    const double side = std::sqrt(608.0 * 448 / wanted);
+    const int columns = static_cast<int>(608 / side);
+    const int rows = static_cast<int>(448 / side);
+    std::map<int, float> best, best_found;
+    const auto note = [&](std::map<int, float>& of, float x, float y, float value) {
+      float& most = of[static_cast<int>((y - 16) * static_cast<float>(rows) / 448) * columns +
+                       static_cast<int>((x - 16) * static_cast<float>(columns) / 608)];
+      most = std::max(most, value);
+    };
+    for (const cv::KeyPoint& k : all) note(best, k.pt.x, k.pt.y, k.response);
+    for (const Keypoint& k : keypoints) note(best_found, k.x, k.y, k.response);
+    CHECK(best == best_found);
+    CHECK(weak > static_cast<std::size_t>(wanted) / 4);  // the right half has its share
+  }
 }
 
 TEST_CASE("frames that are not trusted leave the map as it is") {
