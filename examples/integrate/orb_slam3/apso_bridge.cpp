@@ -62,6 +62,7 @@ struct ApsoBridge {
     options.refine = o.refine == APSO_REFINE_EVERY ? apso::RefinedFrames::Every
                      : o.refine == APSO_REFINE_BAD ? apso::RefinedFrames::BadOnly
                                                    : apso::RefinedFrames::None;
+    // not take_depth_noise(): with one stored reference this hook has not been measured in its host
     options.refiner.follow_features = apso::follow_for_depth(o.inverse_depth_sigma);
     options.assessor.decision.innovation = false;  // the hook holds the host's pose against the corners itself
     return options;

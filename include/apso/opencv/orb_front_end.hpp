@@ -102,7 +102,7 @@ class OrbFrontEnd {
       const int cy = std::min(rows - 1, static_cast<int>(p.y * static_cast<float>(rows) / static_cast<float>(inside.height)));
       return cy * columns + cx;
     }
-    /// What FAST has to see to find the corners of these cells: its circle of 3 px, around the neighbours as well.
+    /// What FAST has to see to find the corners of these cells: its circle of 3 px, also of their neighbours, and a pixel for rounding.
     [[nodiscard]] cv::Rect around(int first, int last) const {
       constexpr int margin = 5;
       const bool one_row = last - first < columns;
